@@ -1,0 +1,146 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One table of parameters, and every form made from it."""
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+
+from conftest import ROOT
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.params import Params, spec
+from hdc_place_recognition.params_command import main
+from hdc_place_recognition.params_io import (
+    add_arguments,
+    dump_yaml,
+    from_arguments,
+    load_yaml,
+    markdown_table,
+)
+import pytest
+
+CHANGED = Params(n_x=2, min_similarity=0.25, extractor='orb', center_database=False)
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def arguments(*words: str) -> Params:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return from_arguments(parser.parse_args(words))
+
+
+def test_every_parameter_is_described_and_its_default_allowed():
+    for item in fields(Params):
+        about = spec(item)
+        assert about.doc.endswith('.')
+        assert about.allowed() or isinstance(item.default, bool), item.name
+
+
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'n_z': 1}, 'unknown parameter n_z'),
+        ({'n_x': 0}, r'parameter n_x: 0 is outside 1 to 64'),
+        ({'n_x': 2.0}, r'parameter n_x: 2.0 is a float, expected a int \(1 to 64\)'),
+        ({'n_x': True}, 'parameter n_x: True is a bool'),
+        (
+            {'min_similarity': 'high'},
+            "parameter min_similarity: 'high' is a str, expected a float",
+        ),
+        ({'min_similarity': float('nan')}, 'parameter min_similarity: nan is outside -1 to 1'),
+        ({'min_similarity': 1.5}, 'outside -1 to 1'),
+        (
+            {'extractor': 'surf'},
+            "parameter extractor: 'surf' is not one of efficientnet_lite0, sift",
+        ),
+        ({'center_database': 1}, 'parameter center_database: 1 is a int, expected a bool'),
+    ],
+)
+def test_bad_values_are_named(changes, message):
+    with pytest.raises(PlaceRecognitionError, match=message):
+        Params.from_dict(changes)
+
+
+def test_integer_serves_for_a_float():
+    changed = Params.from_dict({'min_similarity': 1})
+    assert changed.min_similarity == 1.0 and type(changed.min_similarity) is float
+
+
+def test_yaml_there_and_back(tmp_path):
+    for params in (Params(), CHANGED, Params(odom_tolerance_s=1e-6)):
+        assert Params.from_dict(load_yaml(write(tmp_path / 'p.yaml', dump_yaml(params)))) == params
+
+
+def test_the_nodes_own_section_wins_and_ros_parameters_pass(tmp_path):
+    text = (
+        '/**:\n  ros__parameters: {n_x: 2, n_y: 3, use_sim_time: true}\n'
+        'place_recognition_node:\n  ros__parameters: {n_x: 5}\n'
+        'other_node:\n  ros__parameters: {n_x: 7}\n'
+    )
+    assert load_yaml(write(tmp_path / 'p.yaml', text)) == {'n_x': 5, 'n_y': 3}
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('a: [1', 'is no YAML'),
+        ('', 'holds no sections'),
+        (
+            'other:\n  ros__parameters: {n_x: 2}',
+            r'no section /\*\* or place_recognition_node; it has',
+        ),
+        ('/**: {n_x: 2}', 'has no mapping ros__parameters'),
+    ],
+)
+def test_bad_files_are_named(tmp_path, text, message):
+    with pytest.raises(PlaceRecognitionError, match=message):
+        load_yaml(write(tmp_path / 'p.yaml', text))
+    with pytest.raises(PlaceRecognitionError, match='No such file'):
+        load_yaml(tmp_path / 'none.yaml')
+
+
+def test_unknown_name_in_a_file_is_an_error(tmp_path):
+    path = write(tmp_path / 'p.yaml', '/**:\n  ros__parameters: {min_similarty: 0.5}\n')
+    with pytest.raises(PlaceRecognitionError, match='min_similarty'):
+        arguments('--params-file', str(path))
+
+
+def test_defaults_then_file_then_flags(tmp_path):
+    path = str(write(tmp_path / 'p.yaml', dump_yaml(CHANGED)))
+    assert arguments() == Params()
+    assert arguments('--params-file', path) == CHANGED
+    assert arguments('--n-x', '7', '--params-file', path) == CHANGED.replace(n_x=7)
+    assert arguments('--no-center-database').center_database is False
+    assert arguments('--min-similarity', '1').min_similarity == 1.0
+
+
+def test_config_file_is_up_to_date():
+    assert (ROOT / 'config' / 'place_recognition.yaml').read_text() == dump_yaml(Params()), (
+        'run: hdc_params --yaml > config/place_recognition.yaml'
+    )
+
+
+def test_readme_table_is_up_to_date():
+    assert markdown_table() in (ROOT / 'README.md').read_text(), (
+        'paste what hdc_params --markdown prints'
+    )
+
+
+def test_command(capsys):
+    assert main(['--yaml', '--n-x', '3']) == 0
+    assert '    n_x: 3\n' in capsys.readouterr().out
+    assert main(['--markdown']) == 0
+    assert capsys.readouterr().out == markdown_table()
+    assert main(['--yaml', '--n-x', '0']) == 2
+    assert capsys.readouterr().err == 'hdc_params: parameter n_x: 0 is outside 1 to 64\n'
+
+
+def test_extractors_of_the_table_exist():
+    from hdc_place_recognition.features import EXTRACTORS
+
+    item = next(item for item in fields(Params) if item.name == 'extractor')
+    assert spec(item).choices == tuple(EXTRACTORS)
