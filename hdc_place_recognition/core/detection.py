@@ -1,0 +1,88 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the recogniser says of an image."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from hdc_place_recognition.core.hdc import Hypervector
+import numpy as np
+from numpy.typing import NDArray
+
+NOT_VERIFIED = -1
+
+
+class Status(Enum):
+    """What became of an image; the value is a phrase for people."""
+
+    ACCEPTED = 'loop closure'
+    BELOW_THRESHOLD = 'no candidate is similar enough'
+    DATABASE_TOO_YOUNG = 'no image in the database is old enough'
+    NO_FEATURES = 'no local features in the image'
+    TOO_SOON = 'passed over: nearer than min_interval_s to the last image'
+    STAMP_REPEATED = 'passed over: same stamp as the last image'
+    STAMP_OUT_OF_ORDER = 'passed over: older than the last image'
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """
+    An earlier image that may show the same place.
+
+    :param similarity: centred cosine, -1 to 1.
+    :param score: what is held against the threshold.
+    :param inliers: of the geometric verification; NOT_VERIFIED without one.
+    """
+
+    query_stamp_ns: int
+    match_stamp_ns: int
+    match_id: int
+    similarity: float
+    score: float
+    inliers: int
+    accepted: bool
+
+
+@dataclass(frozen=True)
+class Description:
+    """An image as the database knows it, with the milliseconds that each stage took."""
+
+    stamp_ns: int
+    descriptor: Hypervector
+    n_features: int
+    milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was seen that could be recognised."""
+        return not self.descriptor.any()
+
+
+@dataclass(frozen=True)
+class Detection:
+    """
+    The answer to one image.
+
+    :param candidates: best first, accepted or not; none where the status says why.
+    :param similarities: (n,) float32, to the first n rows of the database: those old enough.
+    :param keyframe_id: the row under which the image was stored, None if it was not.
+    :param milliseconds: spent in extract, encode, query and insert.
+    """
+
+    stamp_ns: int
+    status: Status
+    candidates: tuple[Candidate, ...] = ()
+    similarities: NDArray[np.float32] = field(
+        default_factory=lambda: np.empty(0, np.float32), compare=False
+    )
+    keyframe_id: int | None = None
+    n_features: int = 0
+    milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
+
+    @property
+    def accepted(self) -> tuple[Candidate, ...]:
+        """Return the candidates that are loop closures."""
+        return tuple(candidate for candidate in self.candidates if candidate.accepted)

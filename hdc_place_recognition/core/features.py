@@ -1,0 +1,49 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What an extractor of local features takes and gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class LocalFeatures:
+    """
+    The k local features of one image.
+
+    :param keypoints: (k, 2) float32, pixels x right and y down, pixel centres at integers.
+    :param descriptors: (k, m) float32, one row for each keypoint.
+    :param width: of the image that the keypoints refer to, pixels.
+    :param height: of the same image, pixels.
+    :param pooled: (p,) float32, a vector of the whole image from the same pass, or None.
+    """
+
+    keypoints: NDArray[np.float32]
+    descriptors: NDArray[np.float32]
+    width: int
+    height: int
+    pooled: NDArray[np.float32] | None = None
+
+    def __len__(self) -> int:
+        """Return the number of features k."""
+        return len(self.keypoints)
+
+
+class Extractor(Protocol):
+    """A way to find and describe local features."""
+
+    @property
+    def identity(self) -> str:
+        """Method, settings and weights in words: equal words, comparable descriptors."""
+
+    def extract(self, image: NDArray[np.uint8]) -> LocalFeatures:
+        """
+        Return the features of an image; k is 0 where there is nothing to see.
+
+        :param image: (h, w) grey or (h, w, 3) BGR.
+        """

@@ -1,0 +1,84 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Image positions as hypervectors (paper, Sec. 3.1.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdc_place_recognition.core import hdc
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Splits:
+    """
+    Where positions along one axis change from one basis vector to the next.
+
+    :param left: (k,) intp, index of the basis vector on the left of each position.
+    :param alpha: (k,) intp, first dimension taken from the right one, 0 to d (Eq. 2).
+    """
+
+    left: NDArray[np.intp]
+    alpha: NDArray[np.intp]
+
+    def basis_index(self, dimension: NDArray[np.intp] | int) -> NDArray[np.intp]:
+        """Return which basis vector each position shows at a dimension, as (k, ...)."""
+        after = np.greater_equal.outer(np.asarray(dimension), self.alpha)
+        return (self.left + after).T
+
+
+class PositionEncoder:
+    """
+    Encodes positions (x, y) as P = X * Y (Eq. 1-2).
+
+    Each axis is divided into equal subintervals, with a random basis vector on every border. A
+    position shows the left basis vector of its subinterval up to dimension alpha, and the right
+    one from there on: near positions share most of their dimensions, also across borders.
+
+    :param dimensions: d, length of the vectors.
+    :param n_x: horizontal subintervals, hence n_x + 1 basis vectors.
+    :param n_y: vertical subintervals.
+    :param seed: of the basis vectors.
+    """
+
+    def __init__(self, *, dimensions: int, n_x: int, n_y: int, seed: int) -> None:
+        self.dimensions, self.n_x, self.n_y = dimensions, n_x, n_y
+        self.basis_x = hdc.random_vectors(n_x + 1, dimensions, np.random.default_rng([seed, 0]))
+        self.basis_y = hdc.random_vectors(n_y + 1, dimensions, np.random.default_rng([seed, 1]))
+
+    def encode(self, keypoints: NDArray[np.float32], width: int, height: int) -> hdc.Hypervector:
+        """
+        Return the vectors of positions.
+
+        :param keypoints: (k, 2) pixels, x right and y down, 0 at the first pixel's centre.
+        :return: (k, d) float32 of -1 and 1.
+        """
+        splits_x, splits_y = self.splits(keypoints, width, height)
+        every = np.arange(self.dimensions)
+        return hdc.bind(
+            self.basis_x[splits_x.basis_index(every), every],
+            self.basis_y[splits_y.basis_index(every), every],
+        )
+
+    def splits(
+        self, keypoints: NDArray[np.float32], width: int, height: int
+    ) -> tuple[Splits, Splits]:
+        """Return where the vectors of positions change, for x and for y; as :meth:`encode`."""
+        return (
+            self._splits(keypoints[:, 0], width, self.n_x),
+            self._splits(keypoints[:, 1], height, self.n_y),
+        )
+
+    def _splits(self, position: NDArray[np.float32], extent: int, parts: int) -> Splits:
+        """
+        Return subinterval and alpha of positions in [0, extent - 1]; others are moved to its ends.
+
+        A position on a border belongs to the subinterval on its right, the last one to the last.
+        Alpha is rounded half up, as Matlab does for the paper.
+        """
+        along = np.clip(position / max(extent - 1, 1), 0, 1).astype(np.float64) * parts
+        left = np.minimum(along.astype(np.intp), parts - 1)
+        to_right = 1 - (along - left)
+        return Splits(left, np.floor(self.dimensions * to_right + 0.5).astype(np.intp))

@@ -1,0 +1,157 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The recogniser: what the node and the offline tools both run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from hdc_place_recognition.core.database import best_rows, Database
+from hdc_place_recognition.core.descriptor import DescriptorEncoder
+from hdc_place_recognition.core.detection import (
+    Candidate,
+    Description,
+    Detection,
+    NOT_VERIFIED,
+    Status,
+)
+from hdc_place_recognition.core.features import Extractor
+from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.core.selection import StampSelector
+from hdc_place_recognition.core.sequence import SequenceBundler
+from hdc_place_recognition.core.stopwatch import Stopwatch
+from hdc_place_recognition.params import Params
+import numpy as np
+from numpy.typing import NDArray
+
+
+class PlaceRecognizer:
+    """
+    Tells of each image which earlier ones show the same place.
+
+    :param params: may be replaced at any time; live parameters take effect with the next image.
+    :param extractor: of local features.
+    """
+
+    def __init__(self, params: Params, extractor: Extractor) -> None:
+        self.params = params
+        self.database = Database(params.dimensions, params.center_database, extractor.identity)
+        self._extractor = extractor
+        self._encoder = DescriptorEncoder(
+            dimensions=params.dimensions,
+            n_x=params.n_x,
+            n_y=params.n_y,
+            preprocessing=params.preprocessing,
+            seed=params.seed,
+        )
+        self._sequence = SequenceBundler(
+            dimensions=params.dimensions, length=params.sequence_length, seed=params.seed
+        )
+        self._selector = StampSelector()
+
+    def process(self, stamp_ns: int, image: NDArray[Any]) -> Detection:
+        """
+        Compare an image with those before it, then add it to them: the step of a robot.
+
+        :param stamp_ns: header stamp of the image; decides whether it is processed at all.
+        :param image: (h, w) grey or (h, w, 3) BGR.
+        :raises PlaceRecognitionError: it is no image; nothing is changed then.
+        """
+        image = as_uint8(image)
+        skipped = self._selector.admit(stamp_ns, _nanoseconds(self.params.min_interval_s))
+        if skipped is not None:
+            return Detection(stamp_ns, skipped)
+        description = self.describe(stamp_ns, image)
+        detection = self.recognize(description, rows=self._old_enough())
+        watch = Stopwatch()
+        with watch.stage('insert'):
+            keyframe_id = self.learn(description)
+        return replace(
+            detection,
+            keyframe_id=keyframe_id,
+            milliseconds={**detection.milliseconds, **watch.milliseconds},
+        )
+
+    def describe(self, stamp_ns: int, image: NDArray[Any]) -> Description:
+        """Return the image's hypervector, or that of the sequence which ends with it."""
+        watch = Stopwatch()
+        with watch.stage('extract'):
+            features = self._extractor.extract(as_uint8(image))
+        with watch.stage('encode'):
+            descriptor = self._sequence.push(self._encoder.encode(features))
+        return Description(stamp_ns, descriptor, len(features), watch.milliseconds)
+
+    def recognize(
+        self, description: Description, *, rows: int | None = None, skip_id: int | None = None
+    ) -> Detection:
+        """
+        Compare an image with those of the database, and store nothing.
+
+        :param rows: only the first rows may be candidates; all by default.
+        :param skip_id: a row that may not: the image itself, when all are compared with all.
+        """
+        watch = Stopwatch()
+        with watch.stage('query'):
+            similarities = self.database.similarities(description.descriptor, rows)
+            candidates = self._candidates(description, similarities, skip_id)
+        return Detection(
+            description.stamp_ns,
+            self._status(description, candidates),
+            candidates,
+            similarities,
+            n_features=description.n_features,
+            milliseconds={**description.milliseconds, **watch.milliseconds},
+        )
+
+    def learn(self, description: Description) -> int | None:
+        """Store an image and return its row; None where there is nothing to recognise it by."""
+        if description.empty:
+            return None
+        return self.database.add(
+            description.stamp_ns, self._selector.clock_ns, description.descriptor
+        )
+
+    def start_sequence(self) -> None:
+        """Begin another traverse: what comes next does not continue what came before."""
+        self._sequence.clear()
+        self._selector.restart()
+
+    def _old_enough(self) -> int:
+        """Return how many rows are old enough to be candidates: the first ones."""
+        limit_ns = self._selector.clock_ns - _nanoseconds(self.params.exclude_recent_s)
+        return self.database.older_than(limit_ns, self.params.exclude_recent_frames)
+
+    def _candidates(
+        self, description: Description, similarities: NDArray[np.float32], skip_id: int | None
+    ) -> tuple[Candidate, ...]:
+        if description.empty:
+            return ()
+        rows = best_rows(similarities, self.params.top_k + (skip_id is not None))
+        allowed = rows[rows != skip_id][: self.params.top_k]
+        return tuple(
+            self._candidate(description, int(row), float(similarities[row])) for row in allowed
+        )
+
+    def _candidate(self, description: Description, row: int, similarity: float) -> Candidate:
+        return Candidate(
+            query_stamp_ns=description.stamp_ns,
+            match_stamp_ns=self.database.stamps_ns[row],
+            match_id=row,
+            similarity=similarity,
+            score=similarity,
+            inliers=NOT_VERIFIED,
+            accepted=similarity >= self.params.min_similarity,
+        )
+
+    def _status(self, description: Description, candidates: tuple[Candidate, ...]) -> Status:
+        if description.empty:
+            return Status.NO_FEATURES
+        if not candidates:
+            return Status.DATABASE_TOO_YOUNG
+        accepted = any(candidate.accepted for candidate in candidates)
+        return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD
+
+
+def _nanoseconds(seconds: float) -> int:
+    return round(seconds * 1e9)

@@ -1,0 +1,47 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which images are processed, decided by their stamps alone."""
+
+from __future__ import annotations
+
+from hdc_place_recognition.core.detection import Status
+
+# An image this much older than the last one is late; one older still means that the clock was
+# set back, as when a simulation or a bag starts again.
+CLOCK_RESET_NS = 1_000_000_000
+
+
+class StampSelector:
+    """
+    Passes over images that come too soon, and keeps a clock that never goes back.
+
+    The clock follows the stamps, and stands still where they were set back: what was seen before
+    stays older than what comes after.
+    """
+
+    def __init__(self) -> None:
+        self.clock_ns = 0
+        self._last_ns: int | None = None
+
+    def admit(self, stamp_ns: int, min_interval_ns: int) -> Status | None:
+        """
+        Return why the image is passed over, or None and note its stamp.
+
+        :param stamp_ns: header stamp of the image.
+        :param min_interval_ns: least distance to the last image that was admitted.
+        """
+        step = None if self._last_ns is None else stamp_ns - self._last_ns
+        if step is not None and step > -CLOCK_RESET_NS:
+            if step == 0:
+                return Status.STAMP_REPEATED
+            if step < 0:
+                return Status.STAMP_OUT_OF_ORDER
+            if step < min_interval_ns:
+                return Status.TOO_SOON
+        self.clock_ns += max(step or 0, 0)
+        self._last_ns = stamp_ns
+        return None
+
+    def restart(self) -> None:
+        """Take the next image's stamp as it comes: another traverse begins."""
+        self._last_ns = None

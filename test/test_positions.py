@@ -1,0 +1,69 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Eq. 1-2 of the paper."""
+
+from hdc_place_recognition.core import hdc
+from hdc_place_recognition.core.positions import PositionEncoder
+import numpy as np
+import pytest
+
+ENCODER = PositionEncoder(dimensions=4096, n_x=4, n_y=6, seed=0)
+
+
+def encode(*points: tuple[float, float], width: int = 101, height: int = 61) -> hdc.Hypervector:
+    return ENCODER.encode(np.array(points, np.float32), width, height)
+
+
+def test_split_by_hand():
+    # 9 pixels, 2 subintervals of 4: x = 5 lies 1/4 into the second, so alpha = 8 * 3/4 = 6.
+    encoder = PositionEncoder(dimensions=8, n_x=2, n_y=1, seed=3)
+    splits_x, splits_y = encoder.splits(np.array([[5, 0]], np.float32), 9, 9)
+    assert splits_x.left.tolist() == [1] and splits_x.alpha.tolist() == [6]
+    assert splits_y.left.tolist() == [0] and splits_y.alpha.tolist() == [8]
+    x = np.concatenate([encoder.basis_x[1, :6], encoder.basis_x[2, 6:]])
+    expected = x * encoder.basis_y[0]
+    assert np.array_equal(encoder.encode(np.array([[5, 0]], np.float32), 9, 9)[0], expected)
+
+
+def test_alpha_is_rounded_half_up():
+    # x = 1 of 16 steps: to the right remain 15/16 of 8 dimensions = 7.5, rounded to 8.
+    encoder = PositionEncoder(dimensions=8, n_x=1, n_y=1, seed=0)
+    splits_x, _ = encoder.splits(np.array([[1, 0], [3, 0]], np.float32), 17, 17)
+    assert splits_x.alpha.tolist() == [8, 7]  # 3 of 16: 6.5 -> 7; banker's rounding gives 6
+
+
+def test_corners_and_borders_show_basis_vectors():
+    first, last, border = encode((0, 0), (100, 60), (25, 10))
+    assert np.array_equal(first, ENCODER.basis_x[0] * ENCODER.basis_y[0])
+    assert np.array_equal(last, ENCODER.basis_x[4] * ENCODER.basis_y[6])
+    assert np.array_equal(border, ENCODER.basis_x[1] * ENCODER.basis_y[1])
+
+
+def test_entries_are_signs():
+    points = np.random.default_rng(0).uniform(0, 60, (50, 2))
+    assert set(np.unique(encode(*map(tuple, points)))) == {-1, 1}
+
+
+def test_similarity_falls_with_distance_across_borders():
+    xs = [40, 42, 45, 50, 55, 60, 65]
+    vectors = encode(*[(x, 30) for x in xs])
+    similarities = hdc.cosine_similarity(vectors[0], vectors)
+    assert similarities[0] == pytest.approx(1)
+    assert np.all(np.diff(similarities) < 0)
+    # A subinterval is 25 px: at 10 px, over the border at 50, 15/25 of the dimensions agree.
+    assert similarities[3] == pytest.approx(0.6, abs=0.05)
+    assert abs(similarities[-1]) < 0.1
+
+
+def test_smooth_over_a_border():
+    xs = np.arange(40, 61)
+    vectors = encode(*[(x, 30) for x in xs])
+    steps = hdc.cosine_similarity(vectors[:-1], vectors[1:])
+    assert steps.min() > 0.93 and np.ptp(steps) < 0.04
+
+
+def test_outside_and_degenerate_images():
+    assert np.array_equal(encode((-5, 70)), encode((0, 60)))
+    single = ENCODER.encode(np.zeros((1, 2), np.float32), 1, 1)
+    assert set(np.unique(single)) == {-1, 1}
+    assert ENCODER.encode(np.empty((0, 2), np.float32), 10, 10).shape == (0, 4096)
