@@ -1,0 +1,134 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The table of image encodings: how pixels lie in a message and become 8-bit grey or BGR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import cv2
+from hdc_place_recognition.core.images import as_uint8
+import numpy as np
+from numpy.typing import NDArray
+
+Convert = Callable[..., NDArray[np.uint8]]
+
+
+class Plane(NamedTuple):
+    """Where a plane of samples lies in a buffer; everything but the shape in bytes."""
+
+    shape: tuple[int, int, int]
+    offset: int
+    strides: tuple[int, int, int]
+
+    @property
+    def end(self) -> int:
+        """Return the bytes needed up to the last sample: the last row may lack its padding."""
+        rows, columns, _ = self.shape
+        return self.offset + (rows - 1) * self.strides[0] + columns * self.strides[1]
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """
+    One encoding of sensor_msgs/image_encodings.hpp.
+
+    :param dtype: Type of a sample.
+    :param channels: Samples of a pixel.
+    :param convert: Function of the plane (h, w, channels), or of both planes, that returns the
+        8-bit image.
+    :param multiples: Height and width must be multiples of these.
+    :param chroma: 0, or for encodings with a second plane, of (U, V): how many pixels of a row,
+        and how many rows, share one of its samples.
+    """
+
+    dtype: type[np.generic]
+    channels: int
+    convert: Convert
+    multiples: tuple[int, int] = (1, 1)
+    chroma: int = 0
+
+    def planes(self, height: int, width: int, step: int) -> list[Plane]:
+        """
+        Return where the planes lie.
+
+        :param step: Bytes from one row of the first plane to the next.
+        """
+        item = np.dtype(self.dtype).itemsize
+        pixel = self.channels * item
+        planes = [Plane((height, width, self.channels), 0, (step, pixel, item))]
+        if self.chroma:
+            shape = (height // self.chroma, width // self.chroma, 2)
+            planes.append(Plane(shape, height * step, (2 * step // self.chroma, 2, 1)))
+        return planes
+
+
+def _colour(code: int) -> Convert:
+    return lambda pixels: as_uint8(cv2.cvtColor(pixels, code))
+
+
+def _two_planes(code: int) -> Convert:
+    return lambda luma, chroma: as_uint8(cv2.cvtColorTwoPlane(luma, chroma, code))
+
+
+def _nv24(luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    # OpenCV has no code for it: make it UYVY with every pixel twice.
+    u, v = chroma[..., :1], chroma[..., 1:]
+    uyvy = np.concatenate([u, luma, v, luma], axis=2).reshape(len(luma), -1, 2)
+    return as_uint8(cv2.cvtColor(uyvy, cv2.COLOR_YUV2BGR_UYVY)[:, ::2])
+
+
+def _stretched(pixels: NDArray[Any]) -> NDArray[np.uint8]:
+    return as_uint8(pixels.astype(np.float32))
+
+
+_RGB, _RGBA = _colour(cv2.COLOR_RGB2BGR), _colour(cv2.COLOR_RGBA2BGR)
+_BGRA = _colour(cv2.COLOR_BGRA2BGR)
+# ROS names a Bayer pattern by its first four pixels, OpenCV by two of its second row.
+_RGGB, _BGGR = _colour(cv2.COLOR_BayerBG2BGR), _colour(cv2.COLOR_BayerRG2BGR)
+_GBRG, _GRBG = _colour(cv2.COLOR_BayerGR2BGR), _colour(cv2.COLOR_BayerGB2BGR)
+_UYVY = Encoding(np.uint8, 2, _colour(cv2.COLOR_YUV2BGR_UYVY), multiples=(1, 2))
+_YUYV = Encoding(np.uint8, 2, _colour(cv2.COLOR_YUV2BGR_YUYV), multiples=(1, 2))
+_NV12, _NV21 = _two_planes(cv2.COLOR_YUV2BGR_NV12), _two_planes(cv2.COLOR_YUV2BGR_NV21)
+
+ENCODINGS = {
+    'mono8': Encoding(np.uint8, 1, as_uint8),
+    'mono16': Encoding(np.uint16, 1, as_uint8),
+    'bgr8': Encoding(np.uint8, 3, as_uint8),
+    'bgra8': Encoding(np.uint8, 4, _BGRA),
+    'bgr16': Encoding(np.uint16, 3, as_uint8),
+    'bgra16': Encoding(np.uint16, 4, _BGRA),
+    'rgb8': Encoding(np.uint8, 3, _RGB),
+    'rgba8': Encoding(np.uint8, 4, _RGBA),
+    'rgb16': Encoding(np.uint16, 3, _RGB),
+    'rgba16': Encoding(np.uint16, 4, _RGBA),
+    # OpenCV's types: several channels are BGR, full scale; a single one of more than 8 bits
+    # measures something (depth, temperature), so that its range is not known beforehand.
+    '8UC1': Encoding(np.uint8, 1, as_uint8),
+    '8UC3': Encoding(np.uint8, 3, as_uint8),
+    '8UC4': Encoding(np.uint8, 4, _BGRA),
+    '16UC1': Encoding(np.uint16, 1, _stretched),
+    '16UC3': Encoding(np.uint16, 3, as_uint8),
+    '16UC4': Encoding(np.uint16, 4, _BGRA),
+    '16SC1': Encoding(np.int16, 1, _stretched),
+    '32FC1': Encoding(np.float32, 1, as_uint8),
+    '32FC3': Encoding(np.float32, 3, as_uint8),
+    '32FC4': Encoding(np.float32, 4, _BGRA),
+    'bayer_rggb8': Encoding(np.uint8, 1, _RGGB),
+    'bayer_bggr8': Encoding(np.uint8, 1, _BGGR),
+    'bayer_gbrg8': Encoding(np.uint8, 1, _GBRG),
+    'bayer_grbg8': Encoding(np.uint8, 1, _GRBG),
+    'bayer_rggb16': Encoding(np.uint16, 1, _RGGB),
+    'bayer_bggr16': Encoding(np.uint16, 1, _BGGR),
+    'bayer_gbrg16': Encoding(np.uint16, 1, _GBRG),
+    'bayer_grbg16': Encoding(np.uint16, 1, _GRBG),
+    'uyvy': _UYVY,
+    'yuv422': _UYVY,
+    'yuyv': _YUYV,
+    'yuv422_yuy2': _YUYV,
+    'nv12': Encoding(np.uint8, 1, _NV12, multiples=(2, 2), chroma=2),
+    'nv21': Encoding(np.uint8, 1, _NV21, multiples=(2, 2), chroma=2),
+    'nv24': Encoding(np.uint8, 1, _nv24, chroma=1),
+}

@@ -1,0 +1,154 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Image messages as 8-bit grey or BGR images, for the node and the bag reader alike.
+
+A message is anything with the fields of sensor_msgs/Image or sensor_msgs/CompressedImage: of
+rclpy, of rosbags, or a test's own.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any, Protocol, TypeAlias
+
+import cv2
+from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.image_encodings import Encoding, ENCODINGS, Plane
+import numpy as np
+from numpy.typing import NDArray
+
+SUPPORTED_ENCODINGS = tuple(ENCODINGS)
+Bytes: TypeAlias = 'bytes | array[int] | NDArray[np.uint8]'
+
+
+class StampedMessage(Protocol):
+    """Any message with a header."""
+
+    header: Any
+
+
+class ImageMessage(Protocol):
+    """The fields of sensor_msgs/Image that are read."""
+
+    height: int
+    width: int
+    encoding: str
+    is_bigendian: int
+    step: int
+    data: Bytes
+
+
+class CompressedMessage(Protocol):
+    """The fields of sensor_msgs/CompressedImage that are read."""
+
+    format: str  # noqa: A003, RUF100 - the message's own name for it
+    data: Bytes
+
+
+def stamp_ns(message: StampedMessage) -> int:
+    """Return the time in a message's header as exact integer nanoseconds."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def image_from_message(message: ImageMessage | CompressedMessage) -> NDArray[np.uint8]:
+    """
+    Return the image of a message: grey from a grey camera, otherwise BGR.
+
+    16-bit luminance, colours and Bayer patterns are full scale (65535 becomes 255); 16UC1, 16SC1
+    and floats are stretched from their least to their greatest finite value; see
+    `hdc_place_recognition.core.images.as_uint8`. An EXIF orientation is ignored.
+
+    :param message: An image of one of `SUPPORTED_ENCODINGS`, or one with a `format`: JPEG, PNG or
+        what else OpenCV decodes.
+    :return: (h, w) or (h, w, 3), contiguous. May share the message's memory (8-bit grey or BGR
+        without padding): then it is read-only, and changes if someone writes to the message.
+    :raises PlaceRecognitionError: if the encoding is not supported, if height, width, step and
+        the length of the data do not go together, or if the data cannot be decoded.
+    """
+    if hasattr(message, 'format'):
+        return _decompressed(message.format, bytes(message.data))
+    encoding = ENCODINGS.get(message.encoding)
+    if encoding is None:
+        raise PlaceRecognitionError(
+            f'image encoding {message.encoding!r} is not supported; supported are '
+            + ', '.join(SUPPORTED_ENCODINGS)
+        )
+    return encoding.convert(*_views(message, encoding))
+
+
+def _views(message: ImageMessage, encoding: Encoding) -> list[NDArray[Any]]:
+    """Return the planes of a message, read-only; copied only to swap or align bytes."""
+    dtype = np.dtype(encoding.dtype)
+    sent = dtype.newbyteorder('>' if message.is_bigendian else '<')
+    views = []
+    for plane in _checked_planes(message, encoding):
+        view: NDArray[Any] = np.ndarray(
+            plane.shape, sent, buffer=message.data, offset=plane.offset, strides=plane.strides
+        )
+        view.flags.writeable = False
+        # Aligned, because OpenCV misreads rows whose step is not a multiple of the sample's size.
+        views.append(np.require(view, dtype, requirements=['ALIGNED']))
+    return views
+
+
+def _checked_planes(message: ImageMessage, encoding: Encoding) -> list[Plane]:
+    """Return where the planes lie; raise if they cannot lie in the message's data."""
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if height < 1 or width < 1:
+        raise _unusable(message, 'at least one pixel')
+    rows, columns = encoding.multiples
+    if height % rows or width % columns:
+        raise _unusable(message, f'a height divisible by {rows} and a width by {columns}')
+    planes = encoding.planes(height, width, step)
+    row = width * planes[0].strides[1]
+    if step < row:
+        raise _unusable(message, f'a step of at least {row} bytes')
+    length = np.frombuffer(message.data, np.uint8).size
+    if length < planes[-1].end:
+        raise _unusable(message, f'{planes[-1].end} bytes of data, not {length}')
+    return planes
+
+
+def _unusable(message: ImageMessage, needed: str) -> PlaceRecognitionError:
+    return PlaceRecognitionError(
+        f'image of encoding {message.encoding!r}, height {message.height}, width {message.width} '
+        f'and step {message.step} needs {needed}: check the driver that publishes it'
+    )
+
+
+def _decompressed(format_: str, data: bytes) -> NDArray[np.uint8]:
+    """Return a compressed image as the raw message it was made from would give it."""
+    if 'compressedDepth' in format_:
+        raise PlaceRecognitionError(
+            f"compressed image of format {format_!r} holds depth: take the topic of the camera's "
+            'image, or the uncompressed depth'
+        )
+    pixels = _decoded(data)
+    if pixels is None:
+        raise PlaceRecognitionError(
+            f'compressed image of format {format_!r} and {len(data)} bytes cannot be decoded: it '
+            'is cut short, damaged, or neither JPEG nor PNG'
+        )
+    if pixels.ndim == 3:
+        # So named when RGB was given to an encoder that expects BGR.
+        return as_uint8(pixels[..., ::-1] if 'compressed rgb' in format_ else pixels)
+    # Bayer patterns and measurements (16UC1) are compressed as they are.
+    sent = ENCODINGS.get(format_.partition(';')[0].strip())
+    if sent is None or (sent.channels, sent.chroma, np.dtype(sent.dtype)) != (1, 0, pixels.dtype):
+        return as_uint8(pixels)
+    return sent.convert(pixels)
+
+
+def _decoded(data: bytes) -> NDArray[Any] | None:
+    """Return the pixels as they were compressed, alpha dropped; None if they cannot be decoded."""
+    # OpenCV 4 fills what is missing of a JPEG with grey; OpenCV 5 refuses it.
+    if data.startswith(b'\xff\xd8') and data.rfind(b'\xff\xd9') < data.rfind(b'\xff\xda'):
+        return None
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:  # no data, or absurd sizes
+        return None

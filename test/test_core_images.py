@@ -1,0 +1,103 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tests of the scaling to 8 bits, with values written out by hand."""
+
+from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.errors import PlaceRecognitionError
+import numpy as np
+import pytest
+
+GREATEST = np.finfo(np.float32).max
+LEAST = np.finfo(np.float32).smallest_subnormal
+
+
+def test_uint8_is_returned_as_it_is():
+    grey = np.array([[0, 1], [254, 255]], np.uint8)
+    assert np.shares_memory(as_uint8(grey), grey)
+    np.testing.assert_array_equal(as_uint8(grey), grey)
+
+
+def test_uint16_is_full_scale():
+    image = np.array([[0, 255, 256, 257], [0x7FFF, 0x8000, 0xFEFF, 0xFFFF]], np.uint16)
+    np.testing.assert_array_equal(as_uint8(image), [[0, 0, 1, 1], [127, 128, 254, 255]])
+
+
+@pytest.mark.parametrize('factor', [256, 257])
+def test_uint16_undoes_both_ways_to_make_16_bits_of_8(factor):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    np.testing.assert_array_equal(as_uint8(levels.astype(np.uint16) * np.uint16(factor)), levels)
+
+
+def test_float_is_stretched():
+    image = np.array([[-1.0, -0.5, 0.0], [0.5, 0.9, 1.0]], np.float32)
+    np.testing.assert_array_equal(as_uint8(image), [[0, 64, 128], [191, 242, 255]])
+
+
+def test_what_is_not_finite_is_black_and_does_not_stretch():
+    image = np.array([[2.0, np.nan, 3.0], [np.inf, 4.0, -np.inf]], np.float32)
+    np.testing.assert_array_equal(as_uint8(image), [[0, 0, 128], [0, 255, 0]])
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_signalling_nan_is_no_more_than_that():
+    image = np.array([[0x7F800001, 0, 0x3F800000]], np.uint32).view(np.float32)
+    np.testing.assert_array_equal(as_uint8(image), [[0, 0, 255]])
+
+
+@pytest.mark.parametrize('value', [0.0, 7.5, -3.0, np.nan, np.inf])
+def test_a_constant_float_image_is_black(value):
+    assert not as_uint8(np.full((2, 3), value, np.float32)).any()
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('extreme', [GREATEST, LEAST])
+def test_the_span_of_a_float_image_may_be_anything(extreme):
+    image = np.array([[-extreme, 0.0, extreme]], np.float32)
+    np.testing.assert_array_equal(as_uint8(image), [[0, 128, 255]])
+
+
+@pytest.mark.parametrize('dtype', [np.uint8, np.uint16, np.float32])
+def test_alpha_is_dropped_and_takes_no_part_in_the_scale(dtype):
+    bgr = np.array([[[0, 1, 2], [3, 4, 5]]], dtype)
+    bgra = np.dstack([bgr, np.full((1, 2), 200, dtype)])
+    result = as_uint8(bgra)
+    assert result.shape == (1, 2, 3)
+    np.testing.assert_array_equal(result, as_uint8(bgr))
+
+
+def test_one_channel_becomes_grey():
+    assert as_uint8(np.zeros((4, 5, 1), np.uint8)).shape == (4, 5)
+
+
+@pytest.mark.parametrize('dtype', [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize('shape', [(1, 1), (6, 4), (6, 4, 1), (6, 4, 3), (6, 4, 4)])
+def test_the_result_is_contiguous_and_the_input_untouched(dtype, shape):
+    whole = np.random.default_rng(1).integers(0, 255, shape).astype(dtype)
+    before = whole.copy()
+    for image in (whole, whole[::-1], whole[:, ::2], whole[::2, ::-1]):
+        result = as_uint8(image)
+        assert result.dtype == np.uint8
+        assert result.flags.c_contiguous
+        assert result.shape[:2] == image.shape[:2]
+    np.testing.assert_array_equal(whole, before)
+
+
+@pytest.mark.parametrize(
+    'image',
+    [
+        np.zeros((2, 3), np.float64),
+        np.zeros((2, 3), np.int16),
+        np.zeros((2, 3), bool),
+        np.zeros((2, 3), np.dtype(np.uint16).newbyteorder()),
+        np.zeros((2, 3, 2), np.uint8),
+        np.zeros((2, 3, 5), np.uint8),
+        np.zeros((6,), np.uint8),
+        np.zeros((1, 2, 3, 3), np.uint8),
+        np.zeros((0, 3), np.uint8),
+        np.zeros((2, 0, 3), np.float32),
+    ],
+    ids=lambda image: f'{image.shape}-{image.dtype}',
+)
+def test_other_shapes_and_types_are_refused(image):
+    with pytest.raises(PlaceRecognitionError, match=r'image has shape \(.*\) and dtype \S+; need'):
+        as_uint8(image)
