@@ -1,0 +1,33 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Puts the recogniser together from parameters, the same for the node and offline."""
+
+from __future__ import annotations
+
+import cv2
+from hdc_place_recognition.core.recognizer import PlaceRecognizer
+from hdc_place_recognition.features import create_extractor
+from hdc_place_recognition.params import Params
+import threadpoolctl
+
+
+def create_recognizer(params: Params) -> PlaceRecognizer:
+    """
+    Return a recogniser with the extractor and on the threads that `params` name.
+
+    The number of threads holds for the whole process: a linear-algebra library with more threads
+    than free cores spends its time waiting for itself.
+
+    :raises PlaceRecognitionError: the extractor's package or weights are missing or damaged.
+    """
+    threadpoolctl.threadpool_limits(params.threads, user_api='blas')
+    cv2.setNumThreads(params.threads)
+    return PlaceRecognizer(
+        params,
+        create_extractor(
+            params.extractor,
+            image_width=params.image_width,
+            max_features=params.max_features,
+            threads=params.threads,
+        ),
+    )

@@ -1,0 +1,182 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The node: images in, loop closures out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import signal
+import sys
+from typing import Any
+
+from hdc_place_recognition.core.detection import Candidate, Detection, Status
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.images import image_from_message, stamp_ns
+from hdc_place_recognition.odometry import KeyframePositions
+from hdc_place_recognition.params import Params
+from hdc_place_recognition.params_io import NODE_NAME
+from hdc_place_recognition.pipeline import create_recognizer
+from hdc_place_recognition.ros.diagnostics import Diagnostics
+from hdc_place_recognition.ros.image_input import ImageInput
+from hdc_place_recognition.ros.messages import candidates_message, PublishedCandidate
+from hdc_place_recognition.ros.node_statistics import Statistics
+from hdc_place_recognition.ros.parameters import RosParameters, unknown_overrides
+from hdc_place_recognition.ros.worker import LatestWorker
+from nav_msgs.msg import Odometry
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+_WARN_PERIOD_S = 5.0
+_ODOMETRY_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class PlaceRecognitionNode(Node):
+    """
+    Runs the recogniser on an image topic.
+
+    Callbacks only take messages in; images are converted, recognised and answered in a worker
+    thread, so that parameters and services answer meanwhile.
+
+    :param options: of rclpy's Node, for those who build the node into a process of their own.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(NODE_NAME, **options)
+        parameters = RosParameters(self, self._on_parameters)
+        params = parameters.params
+        self._warn_of_unknown()
+        self._recognizer = create_recognizer(params)
+        self._positions = KeyframePositions(_nanoseconds(params.odom_tolerance_s))
+        self.statistics = Statistics()
+        self._candidates = self.create_publisher(PointCloud2, '~/candidates', 10)
+        self._closures = self.create_publisher(PointCloud2, '~/loop_closures', 10)
+        self.worker = LatestWorker(self._answer)
+        self._input = ImageInput(self, params, self.statistics, self._on_image)
+        self._odometry = self.create_subscription(
+            Odometry, 'odom', self._on_odometry, _ODOMETRY_QOS
+        )
+        self._diagnostics = Diagnostics(self, self._input.problem, self._values)
+        self.get_logger().info(
+            f'listening to {self._input.topic} ({params.image_transport}, {params.image_qos}), '
+            f'features: {self._recognizer.database.extractor}'
+        )
+
+    def destroy_node(self) -> None:
+        """End the worker before what it publishes with."""
+        self.worker.stop(timeout_s=5.0)
+        super().destroy_node()
+
+    def _warn_of_unknown(self) -> None:
+        if unknown := unknown_overrides(self):
+            self.get_logger().warning(
+                f'unknown parameters are ignored: {", ".join(unknown)}; '
+                f'`hdc_params --markdown` lists all'
+            )
+
+    def _on_parameters(self, params: Params) -> None:
+        self._recognizer.params = params
+        self._positions.tolerance_ns = _nanoseconds(params.odom_tolerance_s)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        position = message.pose.pose.position
+        self._positions.add_odometry(stamp_ns(message), (position.x, position.y, position.z))
+
+    def _on_image(self, message: Any) -> None:
+        self.statistics.dropped += self.worker.put(message)
+
+    def _answer(self, message: Any) -> None:
+        """Process an image in the worker's thread; whatever is wrong with it must not end it."""
+        try:
+            detection = self._recognizer.process(stamp_ns(message), image_from_message(message))
+        except PlaceRecognitionError as error:
+            self._refuse(str(error))
+        except Exception as error:
+            self._refuse(f'{type(error).__name__}: {error}')
+        else:
+            self._publish(message.header, detection)
+
+    def _refuse(self, reason: str) -> None:
+        self.statistics.fail(reason)
+        self.get_logger().warning(f'image refused: {reason}', throttle_duration_sec=_WARN_PERIOD_S)
+
+    def _publish(self, header: Header, detection: Detection) -> None:
+        if not self.statistics.note(detection):
+            if detection.status is not Status.TOO_SOON:
+                self.get_logger().warning(
+                    f'image at {_seconds(detection.stamp_ns)} {detection.status.value}',
+                    throttle_duration_sec=_WARN_PERIOD_S,
+                )
+            return
+        if detection.keyframe_id is not None:
+            self._positions.add_keyframe(detection.keyframe_id, detection.stamp_ns)
+        self._candidates.publish(candidates_message(header, self._located(detection.candidates)))
+        if detection.accepted:
+            self._closures.publish(candidates_message(header, self._located(detection.accepted)))
+            self.get_logger().info(closure_line(detection))
+
+    def _located(self, candidates: Sequence[Candidate]) -> list[PublishedCandidate]:
+        return [
+            PublishedCandidate(candidate, self._positions.position(candidate.match_id))
+            for candidate in candidates
+        ]
+
+    def _values(self) -> dict[str, str]:
+        """Return the facts for /diagnostics."""
+        database = self._recognizer.database
+        return {
+            **self.statistics.values(),
+            'features': database.extractor,
+            'database images': str(len(database)),
+            'database bytes': str(database.nbytes),
+        }
+
+
+def closure_line(detection: Detection) -> str:
+    """Return a loop closure in one line for people."""
+    best, more = detection.accepted[0], len(detection.accepted) - 1
+    ago_s = (best.query_stamp_ns - best.match_stamp_ns) / 1e9
+    return (
+        f'loop closure: {_seconds(best.query_stamp_ns)} is the place of '
+        f'{_seconds(best.match_stamp_ns)}, {ago_s:.1f} s ago (image {best.match_id}), '
+        f'similarity {best.similarity:.2f}{f", and {more} more" if more else ""}'
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until it is interrupted; 2 if it cannot start, with one line that says why."""
+    node = None
+    try:
+        rclpy.init(args=argv)
+        node = PlaceRecognitionNode()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (
+        PlaceRecognitionError,
+        InvalidParameterTypeException,
+        InvalidParameterValueException,
+        rclpy._rclpy_pybind11.RCLError,
+    ) as error:
+        print(f'{NODE_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
+        return 2
+    finally:
+        # Under ros2 launch the signal can come twice; the second must not end the clean-up.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _nanoseconds(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+def _seconds(stamp: int) -> str:
+    return f'{stamp // 10**9}.{stamp % 10**9 // 10**6:03d} s'

@@ -1,0 +1,79 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the node counts, for people who ask why nothing is found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+import math
+
+from hdc_place_recognition.core.detection import Detection, Status
+
+_PASSED_OVER = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
+# Weight of the newest image in the running means of milliseconds.
+_NEWEST = 0.1
+
+
+@dataclass
+class Statistics:
+    """
+    Counts since the start, and the last answer.
+
+    Each count is written by one thread only; a reader may see the others a moment late.
+    """
+
+    received: int = 0
+    dropped: int = 0
+    lost_by_dds: int = 0
+    processed: int = 0
+    failed: int = 0
+    passed_over: Counter[Status] = field(default_factory=Counter)
+    accepted: int = 0
+    last_status: str = 'waiting for the first image'
+    last_error: str = ''
+    best_similarity: float = math.nan
+    milliseconds: dict[str, float] = field(default_factory=dict)
+
+    def note(self, detection: Detection) -> bool:
+        """Count an answer; return whether the image was processed rather than passed over."""
+        if detection.status in _PASSED_OVER:
+            self.passed_over[detection.status] += 1
+            return False
+        self.processed += 1
+        self.accepted += len(detection.accepted)
+        self.last_status = detection.status.value
+        if detection.candidates:
+            self.best_similarity = max(
+                detection.candidates[0].similarity,
+                -1.0 if math.isnan(self.best_similarity) else self.best_similarity,
+            )
+        for stage, spent in detection.milliseconds.items():
+            before = self.milliseconds.get(stage, spent)
+            self.milliseconds[stage] = before + _NEWEST * (spent - before)
+        return True
+
+    def fail(self, error: str) -> None:
+        """Count an image that could not be processed."""
+        self.failed += 1
+        self.last_error = error
+
+    def values(self) -> dict[str, str]:
+        """Return all of it in words."""
+        counts = {
+            'images received': self.received,
+            'images processed': self.processed,
+            'images dropped while busy': self.dropped,
+            'images lost by DDS': self.lost_by_dds,
+            'images refused': self.failed,
+            **{f'images {status.value}': self.passed_over[status] for status in _PASSED_OVER},
+            'loop closures': self.accepted,
+        }
+        stages = {f'ms {stage}': f'{spent:.2f}' for stage, spent in self.milliseconds.items()}
+        return {
+            **{name: str(count) for name, count in counts.items()},
+            **stages,
+            'last status': self.last_status,
+            'last error': self.last_error,
+            'best similarity so far': f'{self.best_similarity:.3f}',
+        }

@@ -1,0 +1,79 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The node as a process of its own: how it starts and how it ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS')
+
+RUN = 'import sys; from hdc_place_recognition.ros.node import main; sys.exit(main())'
+# Needs no weights: these tests are about the process.
+BASE = ('--ros-args', '-p', 'extractor:=gradient_grid')
+SOON_S = 30.0
+
+
+def start(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, '-c', RUN, *words],
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+
+
+@pytest.mark.parametrize(
+    'numbers', [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGINT]]
+)
+def test_ends_cleanly(numbers):
+    process = start(*BASE)
+    assert process.stdout is not None
+    first = process.stdout.readline()
+    assert 'listening to /image' in first and 'gradient_grid' in first
+    for number in numbers:
+        process.send_signal(number)
+    output, _ = process.communicate(timeout=SOON_S)
+    assert process.returncode == 0, output
+    assert 'Traceback' not in output
+
+
+@pytest.mark.parametrize(
+    ('words', 'named'),
+    [
+        (['-p', 'n_x:=0'], 'n_x'),
+        (['-p', 'n_x:=two'], 'n_x'),
+        (['-p', 'min_similarity:=high'], 'min_similarity'),
+        (['-p', 'preprocessing:=whiten'], 'preprocessing'),
+        (['--params-file', '/nowhere/p.yaml'], '/nowhere/p.yaml'),
+        (['-p', 'n_x:=[1'], 'n_x'),
+    ],
+)
+def test_bad_start_is_one_line_and_2(words, named):
+    process = start(*BASE, *words)
+    output, _ = process.communicate(timeout=SOON_S)
+    assert process.returncode == 2, output
+    assert len(output.strip().splitlines()) == 1 and named in output
+    assert output.startswith('place_recognition_node: ')
+
+
+def test_bad_parameter_file_is_one_line_and_2(tmp_path: Path):
+    path = tmp_path / 'p.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    n_x: [1\n')
+    process = start(*BASE, '--params-file', str(path))
+    output, _ = process.communicate(timeout=SOON_S)
+    assert process.returncode == 2, output
+    assert len(output.strip().splitlines()) == 1
+
+
+def test_integer_serves_for_a_float():
+    process = start(*BASE, '-p', 'min_similarity:=1')
+    assert process.stdout is not None
+    assert 'listening' in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    assert process.wait(SOON_S) == 0

@@ -1,0 +1,50 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Positions of keyframes from odometry."""
+
+import math
+
+from hdc_place_recognition.odometry import KeyframePositions
+
+MS = 1_000_000
+
+
+def positions(*stamps_ms: int) -> KeyframePositions:
+    found = KeyframePositions(tolerance_ns=100 * MS)
+    for stamp in stamps_ms:
+        found.add_odometry(stamp * MS, (float(stamp), 0.0, 1.0))
+    return found
+
+
+def test_nearest_by_stamp():
+    found = positions(0, 50, 100)
+    found.add_keyframe(0, 60 * MS)
+    found.add_keyframe(1, 80 * MS)
+    assert found.position(0) == (50.0, 0.0, 1.0)
+    assert found.position(1) == (100.0, 0.0, 1.0)
+
+
+def test_later_odometry_may_be_nearer():
+    found = positions(0)
+    found.add_keyframe(0, 60 * MS)
+    assert found.position(0)[0] == 0.0
+    found.add_odometry(70 * MS, (70.0, 0.0, 0.0))
+    assert found.position(0)[0] == 70.0
+
+
+def test_settled_positions_stay_when_the_history_has_gone():
+    found = positions(0)
+    found.add_keyframe(7, 40 * MS)
+    for stamp in range(200, 4000):
+        found.add_odometry(stamp * MS, (float(stamp), 0.0, 0.0))
+    assert found.position(7) == (0.0, 0.0, 1.0)
+
+
+def test_unknown_where_there_is_none_near():
+    found = positions(0)
+    found.add_keyframe(0, 101 * MS)
+    assert all(math.isnan(value) for value in found.position(0))
+    assert math.isnan(found.position(99)[0])
+    silent = KeyframePositions(tolerance_ns=MS)
+    silent.add_keyframe(0, 0)
+    assert math.isnan(silent.position(0)[0])
