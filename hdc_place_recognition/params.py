@@ -70,17 +70,35 @@ class Params:
     # How it becomes one hypervector.
     dimensions: int = _param(4096, 'Length d of the hypervectors.', low=64, high=65536)
     n_x: int = _param(
-        4,
+        6,
         'Horizontal subintervals of the position encoding; fewer tolerate more sideways shift.',
         low=1,
         high=64,
     )
     n_y: int = _param(6, 'Vertical subintervals of the position encoding.', low=1, high=64)
     preprocessing: str = _param(
-        'l2_center',
+        'standardize',
         'Descriptors of an image: unit length, then centred (l2_center) or also '
-        'scaled to unit deviation per dimension (standardize).',
+        'scaled to unit deviation in each dimension (standardize).',
         choices=('l2_center', 'standardize'),
+    )
+    projection: str = _param(
+        'orthogonal',
+        'Random projection to hypervectors: gaussian, or the same with orthonormal columns.',
+        choices=('gaussian', 'orthogonal'),
+    )
+    displacements_x: int = _param(
+        5,
+        'Horizontal displacements, odd, under which an image is compared; 1 is none.',
+        low=1,
+        high=15,
+    )
+    displacements_y: int = _param(5, 'Vertical displacements, odd; 1 is none.', low=1, high=15)
+    displacement_step: float = _param(
+        0.1,
+        'From one displacement to the next, as a share of the image.',
+        low=0.0,
+        high=0.5,
     )
     sequence_length: int = _param(
         1, 'Images, the current and those before it, bundled into one descriptor.', low=1, high=100

@@ -5,76 +5,113 @@
 from hdc_place_recognition.core.database import best_rows, Database
 from hdc_place_recognition.core.hdc import normalize
 import numpy as np
+from numpy.typing import NDArray
 import pytest
 
+Queries = NDArray[np.float32]
 
-def rows(count: int, dimensions: int = 64) -> np.ndarray:
+
+def images(count: int, forms: int = 3, dimensions: int = 64) -> Queries:
+    """Return (count, forms, dimensions) queries with a common part, for centring to take away."""
     rng = np.random.default_rng(0)
-    # A common part, so that centring has something to take away.
-    return normalize((rng.standard_normal((count, dimensions)) + 1).astype(np.float32))
+    common = rng.standard_normal((forms, dimensions))
+    own = rng.standard_normal((count, forms, dimensions))
+    return normalize((own + common).astype(np.float32))
 
 
-def filled(vectors: np.ndarray, *, center: bool = True) -> Database:
-    database = Database(vectors.shape[1], center, 'test')
-    for index, vector in enumerate(vectors):
-        assert database.add(index * 10, index * 10, vector) == index
+def filled(queries: Queries, *, center: bool = True) -> Database:
+    database = Database(queries.shape[2], queries.shape[1], center, 'test')
+    for index, query in enumerate(queries):
+        database.see(query)
+        assert database.add(index * 10, index * 10, query) == index
     return database
 
 
-def centred(query: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    mean = vectors.astype(np.float64).mean(axis=0)
-    a, b = query - mean, vectors - mean
-    return b @ a / np.linalg.norm(a) / np.linalg.norm(b, axis=1)
+def cosines(query: Queries, rows: Queries, seen: Queries) -> tuple[Queries, NDArray[np.intp]]:
+    """Return similarities and displacements as the docstring has them, in float64."""
+    means = seen.astype(np.float64).mean(axis=0)
+    a, b = query - means, rows[:, 1] - means[1]
+    table = b @ a.T / np.linalg.norm(b, axis=1)[:, None] / np.linalg.norm(a, axis=1)
+    return table.max(axis=1), table.argmax(axis=1)
 
 
 @pytest.mark.parametrize('count', [2, 50, 1024, 1025, 2500])
-def test_centred_cosine_as_written_out(count):
-    vectors = rows(count + 1)
-    found = filled(vectors[:-1]).similarities(vectors[-1])
-    assert found.dtype == np.float32 and found.shape == (count,)
-    assert np.allclose(found, centred(vectors[-1], vectors[:-1]), atol=1e-6)
+def test_centred_cosine_under_the_best_displacement(count):
+    queries = images(count + 1)
+    database = filled(queries[:-1])
+    database.see(queries[-1])
+    found = database.ask(queries[-1])
+    similarities, displacements = cosines(queries[-1], queries[:-1], queries)
+    assert found.similarities.dtype == np.float32 and found.similarities.shape == (count,)
+    assert np.allclose(found.similarities, similarities, atol=1e-6)
+    assert np.array_equal(found.displacements, displacements)
+    assert set(found.displacements) == ({0, 1, 2} if count > 2 else set(displacements))
 
 
 def test_without_centring_it_is_the_cosine():
-    vectors = rows(20)
-    found = filled(vectors[:-1], center=False).similarities(vectors[-1] * 3)
-    assert np.allclose(found, vectors[:-1] @ vectors[-1], atol=1e-6)
+    queries = images(20)
+    found = filled(queries[:-1], center=False).ask(queries[-1] * 3)
+    assert np.allclose(
+        found.similarities, (queries[:-1, 1] @ queries[-1].T).max(axis=1), atol=1e-6
+    )
 
 
-def test_mean_is_causal():
-    vectors = rows(30)
-    database = filled(vectors[:10])
-    before = database.similarities(vectors[-1])
-    assert np.allclose(before, centred(vectors[-1], vectors[:10]), atol=1e-6)
-    for vector in vectors[10:20]:
-        database.add(0, 0, vector)
-    after = database.similarities(vectors[-1], 10)
-    assert np.allclose(after, centred(vectors[-1], vectors[:20])[:10], atol=1e-6)
+def test_mean_is_of_all_images_seen_stored_or_not():
+    queries = images(30)
+    database = filled(queries[:10])
+    for query in queries[10:20]:
+        database.see(query)
+    found = database.ask(queries[-1]).similarities
+    assert len(found) == 10
+    assert np.allclose(found, cosines(queries[-1], queries[:10], queries[:20])[0], atol=1e-6)
 
 
-def test_asking_before_adding_changes_nothing():
-    vectors = rows(5)
-    asked = Database(64, True, 'test')
-    for index, vector in enumerate(vectors):
-        asked.similarities(vector)
-        asked.add(index, index, vector)
-    query = rows(6)[-1]
-    assert np.array_equal(asked.similarities(query), filled(vectors).similarities(query))
+def test_rows_added_late_know_the_mean_too():
+    queries = images(30)
+    database = filled(queries[:10])
+    for query in queries[10:20]:
+        database.see(query)
+    database.add(0, 0, queries[20])
+    found = database.ask(queries[-1]).similarities
+    rows = queries[[*range(10), 20]]
+    assert np.allclose(found, cosines(queries[-1], rows, queries[:20])[0], atol=1e-6)
+
+
+def test_asking_changes_nothing():
+    queries = images(6)
+    asked = Database(64, 3, True, 'test')
+    for index, query in enumerate(queries[:5]):
+        asked.ask(query)
+        asked.see(query)
+        asked.ask(query)
+        asked.add(index, index, query)
+    found, expected = asked.ask(queries[5]), filled(queries[:5]).ask(queries[5])
+    assert np.array_equal(found.similarities, expected.similarities)
+
+
+def test_first_rows_only():
+    queries = images(9)
+    database = filled(queries[:-1])
+    whole = database.ask(queries[-1]).similarities
+    assert np.array_equal(database.ask(queries[-1], 3).similarities, whole[:3])
+    assert database.ask(queries[-1], 0).similarities.shape == (0,)
 
 
 def test_nothing_to_compare_is_zero_not_nan():
-    database = Database(4, True, 'test')
-    query = np.array([1, 0, 0, 0], np.float32)
-    assert database.similarities(query).shape == (0,)
+    database = Database(4, 1, True, 'test')
+    query = np.array([[1, 0, 0, 0]], np.float32)
+    assert database.ask(query).similarities.shape == (0,)
+    database.see(query)
     database.add(0, 0, query)
     # The only row is the mean: nothing of it is left.
-    assert database.similarities(query).tolist() == [0]
-    database.add(1, 1, np.zeros(4, np.float32))
-    assert np.isfinite(database.similarities(np.zeros(4, np.float32))).all()
+    assert database.ask(query).similarities.tolist() == [0]
+    zero = np.zeros((1, 4), np.float32)
+    database.add(1, 1, zero)
+    assert np.isfinite(database.ask(zero).similarities).all()
 
 
 def test_older_than_by_time_and_by_count():
-    database = filled(rows(10))  # clock 0, 10, ..., 90
+    database = filled(images(10))  # clock 0, 10, ..., 90
     assert database.older_than(45, 0) == 5
     assert database.older_than(50, 0) == 6
     assert database.older_than(1000, 3) == 7
@@ -84,18 +121,17 @@ def test_older_than_by_time_and_by_count():
 
 
 def test_growth_moves_no_row():
-    vectors = rows(1030)
-    database = filled(vectors[:1024])
-    first = database._chunks[0].rows
-    one_chunk = database.nbytes
-    database.add(0, 0, vectors[1024])
+    queries = images(1025)
+    database = filled(queries[:1024])
+    first, one_chunk = database._chunks[0].rows, database.nbytes
+    database.add(0, 0, queries[1024])
     assert database._chunks[0].rows is first
     assert database.nbytes == 2 * one_chunk
 
 
 def test_stamps_are_exact():
-    database = Database(2, True, 'test')
-    database.add(1_776_863_762_100_071_637, 0, np.array([1, 0], np.float32))
+    database = Database(2, 1, True, 'test')
+    database.add(1_776_863_762_100_071_637, 0, np.array([[1, 0]], np.float32))
     assert database.stamps_ns == [1_776_863_762_100_071_637]
 
 

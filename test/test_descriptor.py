@@ -1,93 +1,148 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Eq. 4: the folded form against the plain one, and what the descriptor promises."""
+"""Eq. 4: the fast forms against the plain one, and what the descriptor promises."""
+
+from __future__ import annotations
 
 from hdc_place_recognition.core import hdc
-from hdc_place_recognition.core.descriptor import (
-    center,
-    DescriptorEncoder,
-    gaussian_projection,
-    projected_deviation,
-)
+from hdc_place_recognition.core.descriptor import DescriptorEncoder, gaussian, orthogonal
+from hdc_place_recognition.core.displacements import bundle_grid, Displacements, plan_grid
 from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
 from hdc_place_recognition.core.positions import PositionEncoder
 import numpy as np
+from numpy.typing import NDArray
 import pytest
 
+ONE = Displacements(1, 1, 0.0)
 
-def encoder(preprocessing: str = 'l2_center', seed: int = 0) -> DescriptorEncoder:
-    return DescriptorEncoder(dimensions=4096, n_x=4, n_y=6, preprocessing=preprocessing, seed=seed)
+
+def encoder(
+    preprocessing: str = 'l2_center', seed: int = 0, displacements: Displacements = ONE
+) -> DescriptorEncoder:
+    return DescriptorEncoder(
+        dimensions=4096,
+        n_x=4,
+        n_y=6,
+        preprocessing=preprocessing,
+        projection='gaussian',
+        displacements=displacements,
+        seed=seed,
+    )
 
 
 def features(count: int, size: int = 32, seed: int = 0) -> LocalFeatures:
     rng = np.random.default_rng(seed)
     keypoints = rng.uniform((0, 0), (319, 239), (count, 2)).astype(np.float32)
-    return LocalFeatures(
-        keypoints, rng.standard_normal((count, size)).astype(np.float32), 320, 240
-    )
+    descriptors = rng.standard_normal((count, size)).astype(np.float32)
+    return LocalFeatures(keypoints, descriptors, 320, 240)
+
+
+def grid_of_features(columns: int = 20, rows: int = 15, size: int = 32) -> LocalFeatures:
+    x, y = np.meshgrid(np.arange(columns) * 16 + 7.5, np.arange(rows) * 16 + 7.5)
+    keypoints = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
+    return LocalFeatures(keypoints, features(rows * columns, size).descriptors, 320, 240)
+
+
+def close(a: NDArray[np.float32], b: NDArray[np.float32]) -> bool:
+    return np.allclose(a, b, atol=1e-5 * max(1.0, float(np.abs(b).max())))
 
 
 @pytest.mark.parametrize('count', [0, 1, 2, 300])
 @pytest.mark.parametrize('dimensions', [1000, 4096])
-@pytest.mark.parametrize('grid', [(4, 6), (1, 1), (7, 2)])
-def test_folded_equals_plain(count, dimensions, grid):
-    positions = PositionEncoder(dimensions=dimensions, n_x=grid[0], n_y=grid[1], seed=1)
+@pytest.mark.parametrize('subintervals', [(4, 6), (1, 1), (7, 2)])
+def test_folded_equals_plain(count, dimensions, subintervals):
+    n_x, n_y = subintervals
+    positions = PositionEncoder(dimensions=dimensions, n_x=n_x, n_y=n_y, seed=1)
     found = features(count)
     arguments = (
         found.descriptors,
-        gaussian_projection(dimensions, 32, 0),
+        gaussian(dimensions, 32, 0),
         positions,
         found.keypoints,
         found.width,
         found.height,
     )
-    plain = bundle_bound_plain(*arguments)
-    assert np.allclose(bundle_bound(*arguments), plain, atol=1e-5 * max(1, np.abs(plain).max()))
+    assert close(bundle_bound(*arguments), bundle_bound_plain(*arguments))
+
+
+@pytest.mark.parametrize('shape', [(20, 15), (1, 15), (20, 1), (1, 1)])
+def test_grid_equals_plain_under_every_displacement(shape):
+    positions = PositionEncoder(dimensions=1000, n_x=4, n_y=6, seed=1)
+    projection, found = gaussian(1000, 32, 0), grid_of_features(*shape)
+    displacements = Displacements(5, 3, 0.1)
+    plan = plan_grid(positions, found.keypoints, 320, 240, displacements)
+    assert plan is not None
+    bundled = bundle_grid(found.descriptors, projection, plan)
+    assert bundled.shape == (15, 1000) and bundled.dtype == np.float32
+    for vector, (dx, dy) in zip(bundled, displacements.offsets, strict=True):
+        moved = found.keypoints + np.array([dx * 320, dy * 240], np.float32)
+        plain = bundle_bound_plain(found.descriptors, projection, positions, moved, 320, 240)
+        assert close(vector, plain)
+
+
+def test_what_is_no_grid_is_seen():
+    positions = PositionEncoder(dimensions=64, n_x=2, n_y=2, seed=0)
+    grid = grid_of_features(4, 3).keypoints
+    moved = grid.copy()
+    moved[5, 0] += 0.5
+    for keypoints in (moved, grid[:-1], grid[::-1], features(12).keypoints):
+        found = plan_grid(positions, keypoints, 320, 240, ONE)
+        # The grid backwards is a grid too.
+        assert (found is not None) == np.array_equal(keypoints, grid[::-1])
+
+
+def test_displacements_are_regular_round_none():
+    found = Displacements(3, 5, 0.1)
+    assert found.x.tolist() == pytest.approx([-0.1, 0, 0.1])
+    assert found.offsets.shape == (15, 2)
+    assert found.offsets[found.none].tolist() == [0, 0]
+    assert found.offsets[found.none + 1].tolist() == pytest.approx([0.1, 0])
 
 
 def test_equation_4_in_a_loop_of_float64():
-    one = encoder()
-    found = features(20)
+    one, found = encoder(), features(20)
     unit = found.descriptors / np.linalg.norm(found.descriptors, axis=1, keepdims=True)
     local = (unit - unit.mean(axis=0)).astype(np.float64)
     places = one.positions.encode(found.keypoints, 320, 240)
     total = np.zeros(4096)
     for descriptor, place in zip(local, places, strict=True):
         total += (one.projection(32) @ descriptor) * place
-    assert np.allclose(one.encode(found), total / np.linalg.norm(total), atol=1e-5)
+    assert np.allclose(one.encode(found)[0], total / np.linalg.norm(total), atol=1e-5)
 
 
 def test_standardize_in_a_loop_of_float64():
-    one = encoder('standardize')
-    found = features(20)
+    one, found = encoder('standardize'), features(20)
     unit = found.descriptors / np.linalg.norm(found.descriptors, axis=1, keepdims=True)
-    projected = unit.astype(np.float64) @ one.projection(32).T
-    standard = (projected - projected.mean(axis=0)) / projected.std(axis=0)
-    total = (standard * one.positions.encode(found.keypoints, 320, 240)).sum(axis=0)
-    assert np.allclose(one.encode(found), total / np.linalg.norm(total), atol=1e-5)
+    local = (unit - unit.mean(axis=0)) / unit.astype(np.float64).std(axis=0)
+    projected = local @ one.projection(32).T
+    total = (projected * one.positions.encode(found.keypoints, 320, 240)).sum(axis=0)
+    assert np.allclose(one.encode(found)[0], total / np.linalg.norm(total), atol=1e-5)
 
 
-def test_deviation_from_covariance():
-    local = center(features(30).descriptors)
-    projection = gaussian_projection(64, 32, 0)
-    assert np.allclose(
-        projected_deviation(local, projection), (local @ projection.T).std(axis=0), rtol=1e-4
-    )
-
-
-def test_projection_keeps_lengths_on_average():
+def test_gaussian_projection_keeps_lengths_on_average():
     unit = hdc.normalize(features(200, size=112).descriptors)
-    lengths = np.linalg.norm(unit @ gaussian_projection(4096, 112, 0).T, axis=1)
+    lengths = np.linalg.norm(unit @ gaussian(4096, 112, 0).T, axis=1)
     assert lengths.mean() == pytest.approx(1, abs=0.02) and lengths.std() < 0.05
 
 
-def test_unit_length_and_repeatable():
-    found = features(50)
-    vector = encoder().encode(found)
-    assert vector.dtype == np.float32 and np.linalg.norm(vector) == pytest.approx(1)
-    assert np.array_equal(vector, encoder().encode(found))
-    assert not np.allclose(vector, encoder(seed=1).encode(found))
+def test_orthogonal_projection_keeps_lengths_and_angles():
+    unit = hdc.normalize(features(50, size=112).descriptors)
+    projected = unit @ orthogonal(4096, 112, 0).T
+    assert np.allclose(projected @ projected.T, unit @ unit.T, atol=1e-5)
+    wide = orthogonal(64, 112, 0)
+    assert wide.shape == (64, 112) and np.allclose(wide @ wide.T, np.eye(64), atol=1e-5)
+
+
+@pytest.mark.parametrize('found', [features(50), grid_of_features()])
+def test_unit_length_and_repeatable(found):
+    vectors = encoder(displacements=Displacements(3, 3, 0.1)).encode(found)
+    assert vectors.shape == (9, 4096) and vectors.dtype == np.float32
+    assert np.allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-5)
+    again = encoder(displacements=Displacements(3, 3, 0.1))
+    assert np.array_equal(vectors, again.encode(found))
+    assert np.allclose(vectors[4], encoder().encode(found)[0], atol=1e-6)
+    assert not np.allclose(vectors[4], encoder(seed=1).encode(found)[0])
 
 
 def test_same_features_elsewhere_are_another_place():
@@ -101,11 +156,24 @@ def test_same_features_elsewhere_are_another_place():
     assert hdc.cosine_similarity(one.encode(found), one.encode(moved)) < 0.3
 
 
+def test_displacement_makes_up_for_a_shifted_view():
+    one = encoder(displacements=Displacements(5, 1, 0.1))
+    found = features(100)
+    # The view moved by 64 px: what was at x is now at x - 64, and what left it is replaced.
+    left = found.keypoints[:, 0] < 64
+    keypoints = found.keypoints - np.array([64, 0], np.float32)
+    keypoints[left] += np.array([320, 0], np.float32)
+    descriptors = np.where(left[:, None], features(100, seed=9).descriptors, found.descriptors)
+    query = one.encode(LocalFeatures(keypoints, descriptors, 320, 240))
+    similarities = hdc.cosine_similarity(query, one.encode(found)[2])
+    assert similarities.argmax() == 4 and similarities[4] > 2 * similarities[2]
+
+
 @pytest.mark.parametrize('preprocessing', ['l2_center', 'standardize'])
 def test_defined_answers(preprocessing):
     one = encoder(preprocessing)
     none = one.encode(features(0))
-    assert none.shape == (4096,) and not none.any()
+    assert none.shape == (1, 4096) and not none.any()
     single = one.encode(features(1))
     assert np.isfinite(single).all() and np.linalg.norm(single) == pytest.approx(1, abs=1e-5)
     flat = LocalFeatures(np.zeros((5, 2), np.float32), np.ones((5, 8), np.float32), 10, 10)

@@ -17,7 +17,8 @@ def encode(*points: tuple[float, float], width: int = 101, height: int = 61) -> 
 def test_split_by_hand():
     # 9 pixels, 2 subintervals of 4: x = 5 lies 1/4 into the second, so alpha = 8 * 3/4 = 6.
     encoder = PositionEncoder(dimensions=8, n_x=2, n_y=1, seed=3)
-    splits_x, splits_y = encoder.splits(np.array([[5, 0]], np.float32), 9, 9)
+    splits_x = encoder.splits_x(np.array([5], np.float32), 9)
+    splits_y = encoder.splits_y(np.array([0], np.float32), 9)
     assert splits_x.left.tolist() == [1] and splits_x.alpha.tolist() == [6]
     assert splits_y.left.tolist() == [0] and splits_y.alpha.tolist() == [8]
     x = np.concatenate([encoder.basis_x[1, :6], encoder.basis_x[2, 6:]])
@@ -28,7 +29,7 @@ def test_split_by_hand():
 def test_alpha_is_rounded_half_up():
     # x = 1 of 16 steps: to the right remain 15/16 of 8 dimensions = 7.5, rounded to 8.
     encoder = PositionEncoder(dimensions=8, n_x=1, n_y=1, seed=0)
-    splits_x, _ = encoder.splits(np.array([[1, 0], [3, 0]], np.float32), 17, 17)
+    splits_x = encoder.splits_x(np.array([1, 3], np.float32), 17)
     assert splits_x.alpha.tolist() == [8, 7]  # 3 of 16: 6.5 -> 7; banker's rounding gives 6
 
 

@@ -24,33 +24,50 @@ class _Chunk:
 
     rows: NDArray[np.float32]
     squared_length: NDArray[np.float64]
-    dot_sum: NDArray[np.float64]
+    dot_sums: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """
+    How similar the rows are to a query.
+
+    :param similarities: (n,) float32, -1 to 1, each under the best displacement.
+    :param displacements: (n,) intp, which one that is.
+    """
+
+    similarities: NDArray[np.float32]
+    displacements: NDArray[np.intp]
 
 
 @dataclass
 class Database:
     """
-    Descriptors of the images seen so far, compared by the centred cosine.
+    Descriptors of earlier images, compared by the centred cosine under several displacements.
 
-    Centring (Sec. 3.1.4) subtracts the mean of all rows from the query and from each row. The
-    rows stay as they are: with the mean mu, (q - mu)(x - mu) = qx - q mu - x mu + mu mu, and the
-    products of the rows with the sum of rows are brought up to date from the products with each
-    new row. The mean is causal, it knows only what was added before.
+    Centring (Sec. 3.1.4) subtracts from a query the mean of all queries seen so far under the
+    same displacement, from a row that under none: causal, nothing from the future. The rows stay
+    as they are: with means m of queries and mu of rows, (q - m)(x - mu) = qx - q mu - m x + m mu,
+    and the products of rows with sums of queries grow by the products with each new query.
 
     :param dimensions: d.
-    :param center: whether to subtract the mean.
+    :param displacements: s, how many forms a query has; the middle one is stored.
+    :param center: whether to subtract the means.
     :param extractor: identity of the local features; only equal ones can be compared.
     """
 
     dimensions: int
+    displacements: int
     center: bool
     extractor: str
     stamps_ns: list[int] = field(default_factory=list)
     _clock_ns: list[int] = field(default_factory=list)
     _chunks: list[_Chunk] = field(default_factory=list)
+    _seen: int = 0
 
     def __post_init__(self) -> None:
-        self._sum = np.zeros(self.dimensions)
+        self._middle = self.displacements // 2
+        self._sums = np.zeros((self.displacements, self.dimensions))
         self._asked: tuple[Hypervector, NDArray[Any]] | None = None
 
     def __len__(self) -> int:
@@ -60,7 +77,7 @@ class Database:
     def nbytes(self) -> int:
         """Bytes of memory held by the rows."""
         return sum(
-            chunk.rows.nbytes + chunk.squared_length.nbytes + chunk.dot_sum.nbytes
+            chunk.rows.nbytes + chunk.squared_length.nbytes + chunk.dot_sums.nbytes
             for chunk in self._chunks
         )
 
@@ -73,82 +90,84 @@ class Database:
         """
         return max(min(bisect_right(self._clock_ns, clock_ns), len(self) - recent_rows), 0)
 
-    def similarities(
-        self, descriptor: Hypervector, count: int | None = None
-    ) -> NDArray[np.float32]:
+    def see(self, query: Hypervector) -> None:
+        """
+        Take an image into the means, whether it will be stored or not.
+
+        :param query: (s, d) float32.
+        """
+        if not self.center:
+            return
+        for chunk, rows, numbers in self._filled():
+            chunk.dot_sums[rows] += self._products(query)[numbers]
+        self._sums += query
+        self._seen += 1
+
+    def ask(self, query: Hypervector, count: int | None = None) -> Answer:
         """
         Return the centred cosine to the first rows; 0 where there is no direction to compare.
 
-        :param descriptor: q, (d,) float32.
+        :param query: (s, d) float32.
         :param count: rows to compare, all by default.
-        :return: (count,) float32, -1 to 1.
         """
-        mean = self._sum / max(len(self), 1) if self.center else np.zeros(self.dimensions)
-        square, query = float(mean @ mean), descriptor.astype(np.float64)
-        query_mean, row_mean = float(query @ mean), self._row_means()[:count]
-        above = self._products(descriptor)[:count] - query_mean - row_mean + square
+        if not self.stamps_ns:
+            return Answer(np.empty(0, np.float32), np.empty(0, np.intp))
+        means = self._sums / max(self._seen, 1)
+        mean = means[self._middle]
+        dot_means = self._gather(lambda chunk, rows: chunk.dot_sums[rows])[:count]
+        dot_means = dot_means / max(self._seen, 1)
         row_square = self._gather(lambda chunk, rows: chunk.squared_length[rows])[:count]
-        below = (float(query @ query) - 2 * query_mean + square) * (
-            row_square - 2 * row_mean + square
-        )
+        row_square = row_square - 2 * dot_means[:, self._middle] + mean @ mean
+        query_square = np.square(query - means).sum(axis=1)
+        above = self._products(query)[:count] - query @ mean - dot_means + means @ mean
+        below = row_square[:, None] * query_square
         cosine = np.divide(
             above,
             np.sqrt(np.maximum(below, _NOTHING)),
-            out=np.zeros(len(above)),
+            out=np.zeros_like(below),
             where=below > _NOTHING,
         )
-        return np.clip(cosine, -1, 1).astype(np.float32)
+        best = cosine.argmax(axis=1)
+        similarities = np.take_along_axis(cosine, best[:, None], axis=1)[:, 0]
+        return Answer(np.clip(similarities, -1, 1).astype(np.float32), best)
 
-    def add(self, stamp_ns: int, clock_ns: int, descriptor: Hypervector) -> int:
+    def add(self, stamp_ns: int, clock_ns: int, query: Hypervector) -> int:
         """
-        Store a row and return its number.
+        Store the middle form of an image and return its row.
 
         :param stamp_ns: the image's header stamp.
         :param clock_ns: the same on a clock that never goes back.
-        :param descriptor: (d,) float32.
+        :param query: (s, d) float32.
         """
-        row, products = len(self), self._products(descriptor)
+        row, descriptor = len(self), query[self._middle]
         if row == len(self._chunks) * _CHUNK_ROWS:
-            self._chunks.append(
-                _Chunk(
-                    np.empty((_CHUNK_ROWS, self.dimensions), np.float32),
-                    np.empty(_CHUNK_ROWS),
-                    np.empty(_CHUNK_ROWS),
-                )
-            )
-        for chunk, rows, numbers in self._filled():
-            chunk.dot_sum[rows] += products[numbers]
+            self._chunks.append(self._new_chunk())
         chunk, place = self._chunks[-1], row % _CHUNK_ROWS
-        self._sum += descriptor
         chunk.rows[place] = descriptor
         chunk.squared_length[place] = float(descriptor @ descriptor)
-        chunk.dot_sum[place] = float(self._sum @ descriptor)
+        chunk.dot_sums[place] = self._sums @ descriptor
         self.stamps_ns.append(stamp_ns)
         self._clock_ns.append(clock_ns)
         self._asked = None
         return row
 
-    def _products(self, descriptor: Hypervector) -> NDArray[np.float32]:
-        """Return the dot products with all rows: one pass, also if asked again to add."""
-        if self._asked is None or self._asked[0] is not descriptor:
-            self._asked = (
-                descriptor,
-                self._gather(lambda chunk, rows: chunk.rows[rows] @ descriptor, np.float32),
-            )
+    def _new_chunk(self) -> _Chunk:
+        return _Chunk(
+            np.empty((_CHUNK_ROWS, self.dimensions), np.float32),
+            np.empty(_CHUNK_ROWS),
+            np.empty((_CHUNK_ROWS, self.displacements)),
+        )
+
+    def _products(self, query: Hypervector) -> NDArray[np.float32]:
+        """Return the products of all rows with a query, (n, s): one pass, also if asked again."""
+        if self._asked is None or self._asked[0] is not query:
+            products = self._gather(lambda chunk, rows: chunk.rows[rows] @ query.T)
+            self._asked = query, products
         return self._asked[1]
 
-    def _row_means(self) -> NDArray[np.float64]:
-        """Return the products of all rows with the mean, (n,)."""
-        if not self.center:
-            return np.zeros(len(self))
-        return self._gather(lambda chunk, rows: chunk.dot_sum[rows]) / max(len(self), 1)
-
-    def _gather(
-        self, get: Callable[[_Chunk, slice], NDArray[Any]], dtype: type = np.float64
-    ) -> NDArray[Any]:
+    def _gather(self, get: Callable[[_Chunk, slice], NDArray[Any]]) -> NDArray[Any]:
         """Return what `get` gives for the filled rows of every chunk, as one array."""
-        parts = [get(chunk, rows) for chunk, rows, _ in self._filled()]
-        return np.concatenate(parts) if parts else np.empty(0, dtype)
+        return np.concatenate([get(chunk, rows) for chunk, rows, _ in self._filled()])
 
     def _filled(self) -> Iterator[tuple[_Chunk, slice, slice]]:
         """Yield each chunk with its filled rows and their numbers in the database."""

@@ -1,12 +1,18 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Local features and their positions as one hypervector (paper, Sec. 3.1.4 and Eq. 4)."""
+"""Local features and their positions as hypervectors (paper, Sec. 3.1.4 and Eq. 4)."""
 
 from __future__ import annotations
 
 from functools import cache
 
 from hdc_place_recognition.core import hdc
+from hdc_place_recognition.core.displacements import (
+    bundle_grid,
+    Displacements,
+    GridPlan,
+    plan_grid,
+)
 from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound
 from hdc_place_recognition.core.positions import PositionEncoder
@@ -19,57 +25,102 @@ _NOTHING = 1e-5
 
 class DescriptorEncoder:
     """
-    Encodes the local features of an image as one hypervector.
+    Encodes the local features of an image as hypervectors, one for each displacement.
 
-    Where the paper leaves a choice: the projection's entries are Gaussian with variance 1 / d;
-    features get unit length and are centred before the projection rather than after it, which
-    projects to the same up to its distortion of lengths (a few per cent), since the projection is
-    linear; it is what makes folding possible.
+    Where the paper leaves a choice: features are preprocessed before the projection rather than
+    after it, which is the same up to the projection's distortion and makes folding possible. The
+    projection is orthogonal by default; a Gaussian one is what the paper has.
 
     :param dimensions: d, length of the hypervectors.
     :param n_x: horizontal subintervals of the position encoding.
     :param n_y: vertical subintervals.
     :param preprocessing: 'l2_center' is the paper's first version, 'standardize' its second.
+    :param projection: 'gaussian' or 'orthogonal'.
+    :param displacements: under which the image is encoded.
     :param seed: of the random vectors.
     """
 
     def __init__(
-        self, *, dimensions: int, n_x: int, n_y: int, preprocessing: str, seed: int
+        self,
+        *,
+        dimensions: int,
+        n_x: int,
+        n_y: int,
+        preprocessing: str,
+        projection: str,
+        displacements: Displacements,
+        seed: int,
     ) -> None:
         self.positions = PositionEncoder(dimensions=dimensions, n_x=n_x, n_y=n_y, seed=seed)
-        self._standardize = preprocessing == 'standardize'
-        self.projection = cache(lambda size: gaussian_projection(dimensions, size, seed))
+        self.displacements = displacements
+        self._preprocess = {'l2_center': center, 'standardize': standardize}[preprocessing]
+        project = {'gaussian': gaussian, 'orthogonal': orthogonal}[projection]
+        self.projection = cache(lambda size: project(dimensions, size, seed))
+        self._planned: tuple[bytes, GridPlan | None] = (b'', None)
 
     def encode(self, features: LocalFeatures) -> hdc.Hypervector:
         """
-        Return the image descriptor L = sum of L_i * P_i (Eq. 4).
+        Return the image descriptor L = sum of L_i * P_i (Eq. 4) under each displacement.
 
-        :return: (d,) float32, unit length; zeros if there is no feature, or none that differs
+        :return: (s, d) float32, unit lengths; zeros if there is no feature, or none that differs
             from the others.
         """
-        local = center(hdc.normalize(features.descriptors))
+        local = self._preprocess(hdc.normalize(features.descriptors))
         if np.linalg.norm(local) <= _NOTHING:
-            return np.zeros(self.positions.dimensions, np.float32)
+            shape = len(self.displacements.offsets), self.positions.dimensions
+            return np.zeros(shape, np.float32)
         projection = self.projection(local.shape[1])
-        bundled = bundle_bound(
-            local, projection, self.positions, features.keypoints, features.width, features.height
-        )
-        if self._standardize:
-            bundled = standardize(bundled, projected_deviation(local, projection))
-        return hdc.normalize(bundled)
+        plan = self._plan(features)
+        if plan is not None:
+            return hdc.normalize(bundle_grid(local, projection, plan))
+        extent = np.array([features.width, features.height], np.float32)
+        bundled = [
+            bundle_bound(
+                local,
+                projection,
+                self.positions,
+                features.keypoints + offset * extent,
+                features.width,
+                features.height,
+            )
+            for offset in self.displacements.offsets
+        ]
+        return hdc.normalize(np.stack(bundled))
+
+    def _plan(self, features: LocalFeatures) -> GridPlan | None:
+        """Return the plan for a regular grid; the last one is kept, grids rarely change."""
+        size = features.width, features.height
+        key = features.keypoints.tobytes() + np.array(size).tobytes()
+        if self._planned[0] != key:
+            plan = plan_grid(self.positions, features.keypoints, *size, self.displacements)
+            self._planned = key, plan
+        return self._planned[1]
 
 
-def gaussian_projection(dimensions: int, size: int, seed: int) -> NDArray[np.float32]:
+def gaussian(dimensions: int, size: int, seed: int) -> NDArray[np.float32]:
     """
-    Return a random projection of descriptors to hypervectors (Sec. 3.1.4).
+    Return a Gaussian random projection of descriptors to hypervectors (Sec. 3.1.4).
 
     :param size: m, length of the descriptors.
-    :return: (d, m) float32, Gaussian entries of variance 1 / d, so that lengths are kept on
-        average.
+    :return: (d, m) float32, entries of variance 1 / d, so that lengths are kept on average.
     """
     rng = np.random.default_rng([seed, 3, size])
     matrix = rng.standard_normal((dimensions, size), np.float32)
     return matrix / np.float32(np.sqrt(dimensions))
+
+
+def orthogonal(dimensions: int, size: int, seed: int) -> NDArray[np.float32]:
+    """
+    Return a random projection that keeps lengths and angles exactly if m <= d.
+
+    The Gaussian one with its columns (its rows, if m > d) made orthonormal.
+
+    :return: (d, m) float32.
+    """
+    matrix = gaussian(dimensions, size, seed)
+    if size > dimensions:
+        return np.ascontiguousarray(np.linalg.qr(matrix.T)[0].T)
+    return np.ascontiguousarray(np.linalg.qr(matrix)[0])
 
 
 def center(local: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -81,28 +132,16 @@ def center(local: NDArray[np.float32]) -> NDArray[np.float32]:
     return local - local.mean(axis=0) if len(local) > 1 else local
 
 
-def projected_deviation(
-    local: NDArray[np.float32], projection: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def standardize(local: NDArray[np.float32]) -> NDArray[np.float32]:
     """
-    Return the standard deviation of projected features in each dimension.
+    Centre, and scale each dimension to unit deviation in the image (camera-ready paper).
 
-    From the covariance of the features, so that they need not be projected one by one.
+    Dimensions in which the features do not vary become 0; a single feature stays as it is.
 
-    :param local: (k, m) float32, centred.
-    :param projection: (d, m) float32.
-    :return: (d,) float32.
+    :param local: (k, m) float32.
     """
-    covariance = local.T @ local / np.float32(len(local))
-    variance = np.einsum('dm,dm->d', projection @ covariance, projection)
-    return np.sqrt(np.maximum(variance, 0))
-
-
-def standardize(bundled: hdc.Hypervector, deviation: NDArray[np.float32]) -> hdc.Hypervector:
-    """
-    Scale each dimension to unit deviation of the image's features (camera-ready paper).
-
-    The features are scaled after binding, which is the same: both act on single dimensions.
-    Dimensions in which they do not vary are left as they are.
-    """
-    return np.divide(bundled, deviation, out=bundled.copy(), where=deviation > _NOTHING)
+    centred = center(local)
+    if len(local) < 2:
+        return centred
+    deviation = centred.std(axis=0)
+    return np.divide(centred, deviation, out=np.zeros_like(centred), where=deviation > _NOTHING)

@@ -48,17 +48,21 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Description:
-    """An image as the database knows it, with the milliseconds that each stage took."""
+    """
+    An image as the database knows it, with the milliseconds that each stage took.
+
+    :param query: (s, d) float32, the image under each displacement, the middle one being none.
+    """
 
     stamp_ns: int
-    descriptor: Hypervector
+    query: Hypervector
     n_features: int
     milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def empty(self) -> bool:
         """Whether nothing was seen that could be recognised."""
-        return not self.descriptor.any()
+        return not self.query.any()
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,10 @@ def bundle_bound(
     height: int,
 ) -> hdc.Hypervector:
     """Return the same as :func:`bundle_bound_plain`, summing first and projecting once."""
-    splits = positions.splits(keypoints, width, height)
+    splits = (
+        positions.splits_x(keypoints[:, 0], width),
+        positions.splits_y(keypoints[:, 1], height),
+    )
     bundled = np.empty(positions.dimensions, np.float32)
     every = np.arange(positions.dimensions)
     for start in range(0, positions.dimensions, _BLOCK):
@@ -66,7 +69,8 @@ def _bundle_block(
     block: NDArray[np.intp],
 ) -> hdc.Hypervector:
     """Return some dimensions of the bundle: those who stay are summed, the others projected."""
-    first, last = (_nodes(positions, splits, block[end]) for end in (0, -1))
+    ends_x, ends_y = (split.basis_index(block[[0, -1]]) for split in splits)
+    first, last = (ends_x * (positions.n_y + 1) + ends_y).T
     stays = first == last
     count = (positions.n_x + 1) * (positions.n_y + 1)
     member = (np.arange(count)[:, None] == np.where(stays, first, -1)).astype(np.float32)
@@ -80,11 +84,3 @@ def _bundle_block(
         )
     )
     return hdc.bundle(summed) + hdc.bundle(hdc.bind(local[moving] @ projection.T, vectors))
-
-
-def _nodes(
-    positions: PositionEncoder, splits: tuple[Splits, Splits], dimension: int
-) -> NDArray[np.intp]:
-    """Return the node of the grid that each position shows at a dimension, (k,)."""
-    x, y = (split.basis_index(dimension) for split in splits)
-    return x * (positions.n_y + 1) + y

@@ -44,8 +44,8 @@ def bundle(vectors: Hypervector) -> Hypervector:
     """
     Superpose by the elementwise sum (Sec. 3.1.3); the result is like each input.
 
-    :param vectors: (k, d) float32; k = 0 gives the zero vector.
-    :return: (d,) float32.
+    :param vectors: (k, ..., d) float32; k = 0 gives the zero vector.
+    :return: (..., d) float32.
     """
     return vectors.sum(axis=0, dtype=np.float32)
 

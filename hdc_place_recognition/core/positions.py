@@ -16,17 +16,16 @@ class Splits:
     """
     Where positions along one axis change from one basis vector to the next.
 
-    :param left: (k,) intp, index of the basis vector on the left of each position.
-    :param alpha: (k,) intp, first dimension taken from the right one, 0 to d (Eq. 2).
+    :param left: (...) intp, index of the basis vector on the left of each position.
+    :param alpha: (...) intp, first dimension taken from the right one, 0 to d (Eq. 2).
     """
 
     left: NDArray[np.intp]
     alpha: NDArray[np.intp]
 
-    def basis_index(self, dimension: NDArray[np.intp] | int) -> NDArray[np.intp]:
-        """Return which basis vector each position shows at a dimension, as (k, ...)."""
-        after = np.greater_equal.outer(np.asarray(dimension), self.alpha)
-        return (self.left + after).T
+    def basis_index(self, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return which basis vector each position shows at (t,) dimensions, as (..., t)."""
+        return self.left[..., None] + (dimensions >= self.alpha[..., None])
 
 
 class PositionEncoder:
@@ -50,35 +49,46 @@ class PositionEncoder:
 
     def encode(self, keypoints: NDArray[np.float32], width: int, height: int) -> hdc.Hypervector:
         """
-        Return the vectors of positions.
+        Return the vectors P of positions.
 
         :param keypoints: (k, 2) pixels, x right and y down, 0 at the first pixel's centre.
         :return: (k, d) float32 of -1 and 1.
         """
-        splits_x, splits_y = self.splits(keypoints, width, height)
-        every = np.arange(self.dimensions)
         return hdc.bind(
-            self.basis_x[splits_x.basis_index(every), every],
-            self.basis_y[splits_y.basis_index(every), every],
+            self.encode_x(keypoints[:, 0], width), self.encode_y(keypoints[:, 1], height)
         )
 
-    def splits(
-        self, keypoints: NDArray[np.float32], width: int, height: int
-    ) -> tuple[Splits, Splits]:
-        """Return where the vectors of positions change, for x and for y; as :meth:`encode`."""
-        return (
-            self._splits(keypoints[:, 0], width, self.n_x),
-            self._splits(keypoints[:, 1], height, self.n_y),
-        )
+    def encode_x(self, x: NDArray[np.float32], width: int) -> hdc.Hypervector:
+        """Return the vectors X of (...) horizontal positions in pixels, as (..., d) float32."""
+        return _show(self.basis_x, self.splits_x(x, width))
 
-    def _splits(self, position: NDArray[np.float32], extent: int, parts: int) -> Splits:
-        """
-        Return subinterval and alpha of positions in [0, extent - 1]; others are moved to its ends.
+    def encode_y(self, y: NDArray[np.float32], height: int) -> hdc.Hypervector:
+        """Return the vectors Y of (...) vertical positions in pixels, as (..., d) float32."""
+        return _show(self.basis_y, self.splits_y(y, height))
 
-        A position on a border belongs to the subinterval on its right, the last one to the last.
-        Alpha is rounded half up, as Matlab does for the paper.
-        """
-        along = np.clip(position / max(extent - 1, 1), 0, 1).astype(np.float64) * parts
-        left = np.minimum(along.astype(np.intp), parts - 1)
-        to_right = 1 - (along - left)
-        return Splits(left, np.floor(self.dimensions * to_right + 0.5).astype(np.intp))
+    def splits_x(self, x: NDArray[np.float32], width: int) -> Splits:
+        """Return where the vectors of horizontal positions change."""
+        return _splits(x, width, self.n_x, self.dimensions)
+
+    def splits_y(self, y: NDArray[np.float32], height: int) -> Splits:
+        """Return where the vectors of vertical positions change."""
+        return _splits(y, height, self.n_y, self.dimensions)
+
+
+def _splits(position: NDArray[np.float32], extent: int, parts: int, dimensions: int) -> Splits:
+    """
+    Return subinterval and alpha of positions in [0, extent - 1]; others are moved to its ends.
+
+    A position on a border belongs to the subinterval on its right, the last one to the last.
+    Alpha is rounded half up, as Matlab does for the paper.
+    """
+    along = np.clip(position / max(extent - 1, 1), 0, 1).astype(np.float64) * parts
+    left = np.minimum(along.astype(np.intp), parts - 1)
+    to_right = 1 - (along - left)
+    return Splits(left, np.floor(dimensions * to_right + 0.5).astype(np.intp))
+
+
+def _show(basis: hdc.Hypervector, splits: Splits) -> hdc.Hypervector:
+    """Return the entries of the basis vectors that positions show, (..., d)."""
+    every = np.arange(basis.shape[1])
+    return basis[splits.basis_index(every), every]

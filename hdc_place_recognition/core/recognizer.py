@@ -16,6 +16,7 @@ from hdc_place_recognition.core.detection import (
     NOT_VERIFIED,
     Status,
 )
+from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.selection import StampSelector
@@ -36,13 +37,23 @@ class PlaceRecognizer:
 
     def __init__(self, params: Params, extractor: Extractor) -> None:
         self.params = params
-        self.database = Database(params.dimensions, params.center_database, extractor.identity)
+        displacements = Displacements(
+            params.displacements_x, params.displacements_y, params.displacement_step
+        )
+        self.database = Database(
+            params.dimensions,
+            len(displacements.offsets),
+            params.center_database,
+            extractor.identity,
+        )
         self._extractor = extractor
         self._encoder = DescriptorEncoder(
             dimensions=params.dimensions,
             n_x=params.n_x,
             n_y=params.n_y,
             preprocessing=params.preprocessing,
+            projection=params.projection,
+            displacements=displacements,
             seed=params.seed,
         )
         self._sequence = SequenceBundler(
@@ -64,23 +75,23 @@ class PlaceRecognizer:
             return Detection(stamp_ns, skipped)
         description = self.describe(stamp_ns, image)
         detection = self.recognize(description, rows=self._old_enough())
-        watch = Stopwatch()
+        watch = Stopwatch(detection.milliseconds)
         with watch.stage('insert'):
             keyframe_id = self.learn(description)
-        return replace(
-            detection,
-            keyframe_id=keyframe_id,
-            milliseconds={**detection.milliseconds, **watch.milliseconds},
-        )
+        return replace(detection, keyframe_id=keyframe_id, milliseconds=watch.milliseconds)
 
     def describe(self, stamp_ns: int, image: NDArray[Any]) -> Description:
-        """Return the image's hypervector, or that of the sequence which ends with it."""
+        """Look at an image: return its hypervectors, or those of the sequence it ends."""
         watch = Stopwatch()
         with watch.stage('extract'):
             features = self._extractor.extract(as_uint8(image))
         with watch.stage('encode'):
-            descriptor = self._sequence.push(self._encoder.encode(features))
-        return Description(stamp_ns, descriptor, len(features), watch.milliseconds)
+            query = self._sequence.push(self._encoder.encode(features))
+        description = Description(stamp_ns, query, len(features), watch.milliseconds)
+        if not description.empty:
+            with watch.stage('query'):
+                self.database.see(query)
+        return description
 
     def recognize(
         self, description: Description, *, rows: int | None = None, skip_id: int | None = None
@@ -91,9 +102,9 @@ class PlaceRecognizer:
         :param rows: only the first rows may be candidates; all by default.
         :param skip_id: a row that may not: the image itself, when all are compared with all.
         """
-        watch = Stopwatch()
+        watch = Stopwatch(description.milliseconds)
         with watch.stage('query'):
-            similarities = self.database.similarities(description.descriptor, rows)
+            similarities = self.database.ask(description.query, rows).similarities
             candidates = self._candidates(description, similarities, skip_id)
         return Detection(
             description.stamp_ns,
@@ -101,16 +112,15 @@ class PlaceRecognizer:
             candidates,
             similarities,
             n_features=description.n_features,
-            milliseconds={**description.milliseconds, **watch.milliseconds},
+            milliseconds=watch.milliseconds,
         )
 
     def learn(self, description: Description) -> int | None:
         """Store an image and return its row; None where there is nothing to recognise it by."""
         if description.empty:
             return None
-        return self.database.add(
-            description.stamp_ns, self._selector.clock_ns, description.descriptor
-        )
+        clock_ns = self._selector.clock_ns
+        return self.database.add(description.stamp_ns, clock_ns, description.query)
 
     def start_sequence(self) -> None:
         """Begin another traverse: what comes next does not continue what came before."""

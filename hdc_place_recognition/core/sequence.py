@@ -29,12 +29,12 @@ class SequenceBundler:
         """
         Return the vector of the sequence that ends with this image.
 
-        :param descriptor: (d,) float32, unit length.
-        :return: (d,) float32, unit length; zeros if all of the sequence is.
+        :param descriptor: (..., d) float32, unit length; of several forms, each by itself.
+        :return: (..., d) float32, unit length; zeros if all of the sequence is.
         """
         self._recent.appendleft(descriptor)
-        recent = np.stack(self._recent)
-        return hdc.normalize(hdc.bundle(hdc.bind(recent, self._places[: len(recent)])))
+        bound = [hdc.bind(*pair) for pair in zip(self._recent, self._places, strict=False)]
+        return hdc.normalize(hdc.bundle(np.stack(bound)))
 
     def clear(self) -> None:
         """Forget the images so far: the next one begins a new sequence."""

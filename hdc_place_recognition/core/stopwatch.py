@@ -4,20 +4,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from time import perf_counter
 
 
 class Stopwatch:
-    """Collects the milliseconds of named stages."""
+    """
+    Adds up the milliseconds of named stages.
 
-    def __init__(self) -> None:
-        self.milliseconds: dict[str, float] = {}
+    :param so_far: what earlier ones have taken.
+    """
+
+    def __init__(self, so_far: Mapping[str, float] | None = None) -> None:
+        self.milliseconds = dict(so_far or {})
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Time what happens inside."""
         start = perf_counter()
         yield
-        self.milliseconds[name] = (perf_counter() - start) * 1000
+        spent = (perf_counter() - start) * 1000
+        self.milliseconds[name] = self.milliseconds.get(name, 0.0) + spent

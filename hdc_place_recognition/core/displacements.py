@@ -1,0 +1,116 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The same image seen a little to the side: what makes up for a shifted camera.
+
+Binding to positions costs tolerance to shifts of the view. So the query is encoded as if its
+features sat elsewhere, under a few displacements, and an earlier image is as similar as under the
+best of them. The database keeps one vector an image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdc_place_recognition.core import hdc
+from hdc_place_recognition.core.positions import PositionEncoder
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Displacements:
+    """
+    A regular set of displacements round none at all.
+
+    :param count_x: horizontal ones, odd; 1 for none.
+    :param count_y: vertical ones, odd.
+    :param step: from one to the next, as a share of the image's width or height.
+    """
+
+    count_x: int
+    count_y: int
+    step: float
+
+    @property
+    def x(self) -> NDArray[np.float32]:
+        """Return (count_x,) horizontal displacements, shares of the width."""
+        return _symmetric(self.count_x, self.step)
+
+    @property
+    def y(self) -> NDArray[np.float32]:
+        """Return (count_y,) vertical displacements, shares of the height."""
+        return _symmetric(self.count_y, self.step)
+
+    @property
+    def offsets(self) -> NDArray[np.float32]:
+        """Return all of them in order, (count_y * count_x, 2) as (x, y); the middle one is 0."""
+        x, y = np.meshgrid(self.x, self.y)
+        return np.stack([x.ravel(), y.ravel()], axis=1)
+
+    @property
+    def none(self) -> int:
+        """Return the index of the displacement by nothing."""
+        return self.count_x * self.count_y // 2
+
+
+def _symmetric(count: int, step: float) -> NDArray[np.float32]:
+    return ((np.arange(count) - count // 2) * step).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class GridPlan:
+    """
+    What is known of a regular grid of features before any is seen.
+
+    :param x: (d, columns, count_x) float32, vectors X of the displaced columns.
+    :param y: (d, count_y, rows) float32, vectors Y of the displaced rows.
+    """
+
+    x: hdc.Hypervector
+    y: hdc.Hypervector
+
+
+def plan_grid(
+    positions: PositionEncoder,
+    keypoints: NDArray[np.float32],
+    width: int,
+    height: int,
+    displacements: Displacements,
+) -> GridPlan | None:
+    """
+    Return the plan for keypoints that are a regular grid, row by row, or None if they are not.
+
+    :param keypoints: (k, 2) float32, pixels.
+    """
+    columns = int(np.argmax(keypoints[:, 1] != keypoints[0, 1])) or len(keypoints)
+    if len(keypoints) % columns:
+        return None
+    x, y = keypoints[:columns, 0], keypoints[::columns, 1]
+    if not np.array_equal(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), keypoints):
+        return None
+    shifted_x = np.add.outer(x, displacements.x * np.float32(width))
+    shifted_y = np.add.outer(displacements.y * np.float32(height), y)
+    return GridPlan(
+        np.ascontiguousarray(np.moveaxis(positions.encode_x(shifted_x, width), -1, 0)),
+        np.ascontiguousarray(np.moveaxis(positions.encode_y(shifted_y, height), -1, 0)),
+    )
+
+
+def bundle_grid(
+    local: NDArray[np.float32], projection: NDArray[np.float32], plan: GridPlan
+) -> hdc.Hypervector:
+    """
+    Return sum of (W f_i) * P_i (Eq. 4) under every displacement.
+
+    P = X * Y, and on a grid the features of a column share X and those of a row share Y. So the
+    sum over columns and then over rows are, for each dimension, two small matrix products.
+
+    :param local: (rows * columns, m) float32, preprocessed descriptors.
+    :param projection: W, (d, m) float32.
+    :return: (count_y * count_x, d) float32.
+    """
+    dimensions, columns, _ = plan.x.shape
+    projected = (projection @ local.T).reshape(dimensions, -1, columns)
+    bundled = plan.y @ (projected @ plan.x)
+    return np.ascontiguousarray(bundled.reshape(dimensions, -1).T)
