@@ -1,0 +1,167 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+EfficientNet-Lite0 written as an ONNX graph.
+
+The architecture is that of M. Tan and Q. V. Le, "EfficientNet: Rethinking Model Scaling for
+Convolutional Neural Networks" (ICML 2019), in Google's Lite variant: no squeeze-and-excitation,
+ReLU6 throughout. Kernel sizes are those of the weights.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.weights import NEEDS_NO_WEIGHTS, State
+import numpy as np
+from numpy.typing import NDArray
+
+# To be raised whenever the graph or what it computes changes: stale caches are then not used.
+GRAPH_VERSION = 1
+# The last block before `features`.
+BLOCK = 10
+INPUT, FEATURES, HEAD = 'image', 'features', 'head'
+CHANNELS = {INPUT: 3, FEATURES: 112, HEAD: 1280}
+# Blocks of each stage, and the stride of its first one; the others have stride 1 and a shortcut.
+_STAGES = ((1, 1), (2, 2), (2, 2), (3, 2), (3, 1), (4, 2), (1, 1))
+_BLOCKS = tuple(
+    (1 if number else stride, number > 0) for count, stride in _STAGES for number in range(count)
+)
+_NORM_EPSILON = 1e-3
+# The newest opset whose Clip has its limits as attributes: OpenCV 4.6 reads no other.
+_OPSET, _IR_VERSION = 10, 5
+
+
+def build(state: State, *, head: bool) -> bytes:
+    """
+    Return the serialised graph; the same weights give the same bytes.
+
+    Input `image` is (1, 3, h, w) float32 RGB, (value - 127) / 128, h and w multiples of 16.
+    Output `features` is block 10, (1, 112, h / 16, w / 16); output `head`, if wanted, is the last
+    convolution, (1, 1280, h / 32, w / 32), rounded down.
+
+    :param state: the network's weights by name.
+    :param head: whether to go on to the last convolution.
+    :raises PlaceRecognitionError: the package onnx is missing.
+    """
+    graph = _Graph(state)
+    x = graph.convolution(INPUT, '_conv_stem', '_bn0', 'stem', stride=2)
+    for number in range(len(_BLOCKS) if head else BLOCK + 1):
+        x = graph.block(x, number, FEATURES if number == BLOCK else f'block{number}')
+    if head:
+        graph.convolution(x, '_conv_head', '_bn1', HEAD)
+    return graph.serialise([FEATURES, HEAD] if head else [FEATURES])
+
+
+def fold(
+    state: State, convolution: str, norm: str
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """
+    Return kernel (n, c, k, k) and bias (n,) of a convolution with its batch norm folded in.
+
+    :param state: the network's weights by name.
+    :param convolution: name of the convolution.
+    :param norm: name of the batch norm that follows it.
+    """
+    mean, variance, gain, offset = (
+        state[f'{norm}.{part}'].astype(np.float64)
+        for part in ('running_mean', 'running_var', 'weight', 'bias')
+    )
+    gain = gain / np.sqrt(variance + _NORM_EPSILON)
+    kernel = state[f'{convolution}.weight'] * gain[:, None, None, None]
+    return kernel.astype(np.float32), (offset - mean * gain).astype(np.float32)
+
+
+class _Graph:
+    """A graph that grows node by node; what appends to it returns its output's name."""
+
+    def __init__(self, state: State) -> None:
+        self._state = state
+        self._onnx = _import_onnx()
+        self._nodes: list[Any] = []
+        self._constants: list[Any] = []
+
+    def block(self, x: str, number: int, name: str) -> str:
+        """Append an inverted residual: expand, filter channel by channel, project, add."""
+        (stride, shortcut), prefix, y = _BLOCKS[number], f'_blocks.{number}.', x
+        if f'{prefix}_expand_conv.weight' in self._state:
+            y = self.convolution(y, f'{prefix}_expand_conv', f'{prefix}_bn0', f'{name}/expanded')
+        y = self.convolution(
+            y, f'{prefix}_depthwise_conv', f'{prefix}_bn1', f'{name}/filtered', stride=stride
+        )
+        y = self.convolution(
+            y,
+            f'{prefix}_project_conv',
+            f'{prefix}_bn2',
+            f'{name}/projected' if shortcut else name,
+            relu=False,
+        )
+        return self._append('Add', [x, y], name) if shortcut else y
+
+    def convolution(
+        self, x: str, weights: str, norm: str, name: str, *, stride: int = 1, relu: bool = True
+    ) -> str:
+        """Append a convolution that keeps size / stride, its batch norm and ReLU6."""
+        kernel, bias = fold(self._state, weights, norm)
+        y = self._append(
+            'Conv',
+            [x, self._constant(kernel, f'{name}/kernel'), self._constant(bias, f'{name}/bias')],
+            f'{name}/linear' if relu else name,
+            kernel_shape=kernel.shape[2:],
+            strides=[stride, stride],
+            group=len(kernel) if kernel.shape[1] == 1 else 1,
+            pads=_same_padding(kernel.shape[2], stride),
+        )
+        return self._append('Clip', [y], name, min=0.0, max=6.0) if relu else y
+
+    def serialise(self, outputs: list[str]) -> bytes:
+        """Return the graph with these outputs as bytes."""
+        helper = self._onnx.helper
+        tensors = {
+            name: helper.make_tensor_value_info(
+                name, self._onnx.TensorProto.FLOAT, [1, channels, f'{name}_h', f'{name}_w']
+            )
+            for name, channels in CHANNELS.items()
+        }
+        graph = helper.make_graph(
+            self._nodes,
+            'efficientnet_lite0',
+            [tensors[INPUT]],
+            [tensors[name] for name in outputs],
+            self._constants,
+        )
+        model = helper.make_model(
+            graph, ir_version=_IR_VERSION, opset_imports=[helper.make_opsetid('', _OPSET)]
+        )
+        serialised: bytes = model.SerializeToString(deterministic=True)
+        return serialised
+
+    def _constant(self, values: NDArray[np.float32], name: str) -> str:
+        self._constants.append(self._onnx.numpy_helper.from_array(values, name))
+        return name
+
+    def _append(self, kind: str, inputs: list[str], name: str, **attributes: Any) -> str:
+        node = self._onnx.helper.make_node(kind, inputs, [name], name=name, **attributes)
+        self._nodes.append(node)
+        return name
+
+
+def _same_padding(width: int, stride: int) -> list[int]:
+    """
+    Return TensorFlow's padding of an even image: the odd pixel goes to the right and below.
+
+    It is written out because OpenCV 5.0 computes auto_pad=SAME_UPPER wrongly.
+    """
+    before, after = (width - stride) // 2, (width - stride + 1) // 2
+    return [before, before, after, after]
+
+
+def _import_onnx() -> Any:
+    try:
+        import onnx
+    except ImportError as error:
+        raise PlaceRecognitionError(
+            f'the package onnx is missing: `pip install onnx`, or {NEEDS_NO_WEIGHTS}'
+        ) from error
+    return onnx

@@ -1,0 +1,62 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Running an ONNX graph: by onnxruntime if it is installed, else by OpenCV."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import importlib.util
+import logging
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+Run = Callable[[Array], list[Array]]
+
+_log = logging.getLogger(__name__)
+
+
+def load(graph: bytes, outputs: list[str], threads: int) -> Run:
+    """
+    Return the function from a graph's input to the named outputs.
+
+    :param graph: a serialised ONNX model with one input.
+    :param outputs: the names.
+    :param threads: CPU threads of onnxruntime, 0 for its own choice; OpenCV's number of threads
+        is that of the process.
+    """
+    if importlib.util.find_spec('onnxruntime') is None:
+        _log.info('the network is run by OpenCV; onnxruntime would be about three times as fast')
+        return with_opencv(graph, outputs)
+    return with_onnxruntime(graph, outputs, threads)
+
+
+def with_onnxruntime(graph: bytes, outputs: list[str], threads: int) -> Run:
+    """Return what :func:`load` does, run by onnxruntime."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    # Threads that spin while they wait take the cores from the rest of the robot.
+    options.add_session_config_entry('session.intra_op.allow_spinning', '0')
+    session = onnxruntime.InferenceSession(graph, options, providers=['CPUExecutionProvider'])
+    name = session.get_inputs()[0].name
+
+    def run(tensor: Array) -> list[Array]:
+        results: list[Array] = session.run(outputs, {name: tensor})
+        return results
+
+    return run
+
+
+def with_opencv(graph: bytes, outputs: list[str]) -> Run:
+    """Return what :func:`load` does, run by OpenCV."""
+    network = cv2.dnn.readNetFromONNX(np.frombuffer(graph, np.uint8))
+
+    def run(tensor: Array) -> list[Array]:
+        network.setInput(tensor)
+        return [np.asarray(output, np.float32) for output in network.forward(outputs)]
+
+    return run

