@@ -70,7 +70,7 @@ class Params:
     # How it becomes one hypervector.
     dimensions: int = _param(4096, 'Length d of the hypervectors.', low=64, high=65536)
     n_x: int = _param(
-        6,
+        8,
         'Horizontal subintervals of the position encoding; fewer tolerate more sideways shift.',
         low=1,
         high=64,
@@ -139,7 +139,7 @@ class Params:
     )
     top_k: int = _param(10, 'Candidates reported for each image.', low=1, high=1000, live=True)
     min_similarity: float = _param(
-        0.5,
+        0.4,
         'Centred cosine similarity from which a candidate is accepted as a loop closure.',
         low=-1.0,
         high=1.0,

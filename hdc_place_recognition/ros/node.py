@@ -25,12 +25,19 @@ from hdc_place_recognition.ros.worker import LatestWorker
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+_START_ERRORS = (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    rclpy_implementation.RCLError,
+)
 _WARN_PERIOD_S = 5.0
 _ODOMETRY_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -151,17 +158,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the node until it is interrupted; 2 if it cannot start, with one line that says why."""
     node = None
     try:
-        rclpy.init(args=argv)
+        _initialize(argv)
+        # Made first: a signal that comes before the node spins finds it complete.
+        executor = SingleThreadedExecutor()
         node = PlaceRecognitionNode()
-        rclpy.spin(node)
+        executor.add_node(node)
+        executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (
-        PlaceRecognitionError,
-        InvalidParameterTypeException,
-        InvalidParameterValueException,
-        rclpy._rclpy_pybind11.RCLError,
-    ) as error:
+    except (PlaceRecognitionError, *_START_ERRORS) as error:
         print(f'{NODE_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
         return 2
     finally:
@@ -172,6 +177,13 @@ def main(argv: Sequence[str] | None = None) -> int:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _initialize(argv: Sequence[str] | None) -> None:
+    """Start rclpy; what its C library logs of bad arguments, the exception says too."""
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    rclpy.init(args=argv)
+    set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
 def _nanoseconds(seconds: float) -> int:
