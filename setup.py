@@ -28,8 +28,10 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),
-        ('share/' + NAME + '/config',
-         ['config/place_recognition.yaml', 'config/large_images.xml']),
+        (
+            'share/' + NAME + '/config',
+            ['config/place_recognition.yaml', 'config/large_images.xml'],
+        ),
         ('share/' + NAME + '/launch', ['launch/place_recognition.launch.py']),
     ],
     python_requires='>=3.10',

@@ -46,8 +46,7 @@ class KeyframePositions:
     def add_keyframe(self, row: int, stamp_ns: int) -> None:
         """Note that the image of this stamp is now the database's row."""
         with self._lock:
-            if self._recent:
-                self._waiting[row] = stamp_ns
+            self._waiting[row] = stamp_ns
 
     def position(self, row: int) -> Position:
         """Return where the row's image was taken; NaN where that is not known."""

@@ -139,7 +139,7 @@ class Params:
     )
     top_k: int = _param(10, 'Candidates reported for each image.', low=1, high=1000, live=True)
     min_similarity: float = _param(
-        0.4,
+        0.35,
         'Centred cosine similarity from which a candidate is accepted as a loop closure.',
         low=-1.0,
         high=1.0,

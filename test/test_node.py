@@ -14,7 +14,7 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS')
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
 from hdc_place_recognition.core.recognizer import PlaceRecognizer  # noqa: E402
 from hdc_place_recognition.ros import node as node_module  # noqa: E402
 from hdc_place_recognition.ros.messages import read_candidates  # noqa: E402

@@ -40,6 +40,15 @@ def test_settled_positions_stay_when_the_history_has_gone():
     assert found.position(7) == (0.0, 0.0, 1.0)
 
 
+def test_keyframe_before_the_first_odometry():
+    found = positions()
+    found.add_keyframe(0, 60 * MS)
+    assert math.isnan(found.position(0)[0])
+    found.add_odometry(50 * MS, (50.0, 0.0, 0.0))
+    found.add_odometry(500 * MS, (500.0, 0.0, 0.0))
+    assert found.position(0)[0] == 50.0
+
+
 def test_unknown_where_there_is_none_near():
     found = positions(0)
     found.add_keyframe(0, 101 * MS)

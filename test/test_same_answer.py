@@ -19,7 +19,7 @@ from rosbags.typesys import get_typestore, Stores
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS')
 
-from hdc_place_recognition.images import stamp_ns  # noqa: E402
+from hdc_place_recognition.images import stamp_ns  # noqa: E402, I100
 from hdc_place_recognition.ros.messages import PublishedCandidate, read_candidates  # noqa: E402
 from hdc_place_recognition.ros.node import PlaceRecognitionNode  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
@@ -40,11 +40,11 @@ def camera() -> Iterator[tuple[int, NDArray[np.uint8]]]:
     scene = np.hstack([scene, scene[:, :160]])
     scene = cv2.normalize(scene, None, 0, 255, cv2.NORM_MINMAX)
     for index in range(150):
-        left = index * 12 % 900
+        columns = np.arange(160) + index * 12 % 900
         noise = rng.integers(0, 9, (120, 160), dtype=np.uint8)
         yield (
             START_NS + index * 100_000_000 + int(rng.integers(0, 30_000_000)),
-            np.ascontiguousarray(scene[:, left : left + 160]) // 2 + noise,
+            scene[:, columns] // 2 + noise,
         )
 
 
