@@ -39,7 +39,7 @@ class Extractor(Protocol):
 
     @property
     def identity(self) -> str:
-        """Method, settings and weights in words: equal words, comparable descriptors."""
+        """Return method, settings and weights in words: equal words, comparable features."""
 
     def extract(self, image: NDArray[np.uint8]) -> LocalFeatures:
         """

@@ -40,7 +40,7 @@ class GradientGrid:
     def extract(self, image: Image) -> LocalFeatures:
         """Return the 128-D features of a (h, w) grey or (h, w, 3) BGR image, of unit length."""
         grey = reduce_to_width(
-            as_grey(image), self._image_width, multiple=CELL * STEP, smallest=CELL * BLOCK
+            as_grey(image), self._image_width, multiple=CELL, smallest=CELL * BLOCK
         )
         blocks = sliding_window_view(cell_histograms(grey), (BLOCK, BLOCK), (0, 1))[::STEP, ::STEP]
         points = grid(blocks.shape[:2], step=CELL * STEP, first=CELL * BLOCK // 2)

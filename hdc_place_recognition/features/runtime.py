@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import importlib.util
 import logging
 
 import cv2
@@ -27,10 +26,11 @@ def load(graph: bytes, outputs: list[str], threads: int) -> Run:
     :param threads: CPU threads of onnxruntime, 0 for its own choice; OpenCV's number of threads
         is that of the process.
     """
-    if importlib.util.find_spec('onnxruntime') is None:
-        _log.info('the network is run by OpenCV; onnxruntime would be about three times as fast')
+    try:
+        return with_onnxruntime(graph, outputs, threads)
+    except ImportError as error:
+        _log.info('OpenCV runs the network, onnxruntime would be three times as fast: %s', error)
         return with_opencv(graph, outputs)
-    return with_onnxruntime(graph, outputs, threads)
 
 
 def with_onnxruntime(graph: bytes, outputs: list[str], threads: int) -> Run:

@@ -91,8 +91,9 @@ def read_state(content: bytes) -> State:
     """
     stream = io.BytesIO(content)
     try:
-        if [_load(stream), _load(stream)] != [_MAGIC_NUMBER, _PROTOCOL]:
-            raise pickle.UnpicklingError("not in torch's legacy format")
+        for expected in (_MAGIC_NUMBER, _PROTOCOL):
+            if _load(stream) != expected:
+                raise pickle.UnpicklingError("not in torch's legacy format")
         _load(stream)
         storages: dict[str, NDArray[Any]] = {}
         state = _load(stream, storages)
