@@ -69,7 +69,8 @@ class Statistics:
             **{f'images {status.value}': self.passed_over[status] for status in _PASSED_OVER},
             'loop closures': self.accepted,
         }
-        stages = {f'ms {stage}': f'{spent:.2f}' for stage, spent in self.milliseconds.items()}
+        # A copy: the worker's thread may add a stage meanwhile.
+        stages = {f'ms {name}': f'{spent:.2f}' for name, spent in dict(self.milliseconds).items()}
         return {
             **{name: str(count) for name, count in counts.items()},
             **stages,

@@ -1,0 +1,114 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a bag through real topics and listens to what the node makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+import time
+
+from hdc_place_recognition.core.detection import Candidate
+from hdc_place_recognition.demo.bag import IMAGE_TOPIC, ODOMETRY_TOPIC
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.images import stamp_ns
+from hdc_place_recognition.params_io import NODE_NAME
+from hdc_place_recognition.ros.messages import read_candidates
+from nav_msgs.msg import Odometry
+import rclpy
+from rclpy.node import Node
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import get_typestore, Stores
+from sensor_msgs.msg import Image, PointCloud2
+
+_TYPES = {IMAGE_TOPIC: Image, ODOMETRY_TOPIC: Odometry}
+_DISCOVERY_S = 30.0
+# How long to wait for the answer to an image before the next one is shown.
+_PATIENCE_S = 5.0
+
+
+class Player(Node):
+    """
+    A camera, a source of odometry and a consumer of closures in one.
+
+    Each image is shown when the one before has been answered: as fast as the node can.
+
+    It prints the closures as they come, and keeps them with the stamps of the images answered.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('hdc_demo')
+        self.answered_ns: list[int] = []
+        self.closures: list[Candidate] = []
+        self._outputs = {
+            topic: self.create_publisher(kind, topic, 10) for topic, kind in _TYPES.items()
+        }
+        self._answers = self.create_subscription(
+            PointCloud2, f'/{NODE_NAME}/candidates', self._on_answer, 10
+        )
+        self._closures = self.create_subscription(
+            PointCloud2, f'/{NODE_NAME}/loop_closures', self._on_closures, 10
+        )
+
+    def wait_for_node(self, alive: Callable[[], bool]) -> None:
+        """
+        Wait until the node listens and is heard.
+
+        :param alive: whether the node's process still runs.
+        :raises PlaceRecognitionError: it has ended, or does not appear.
+        """
+        end = time.monotonic() + _DISCOVERY_S
+        while not self._connected():
+            if not alive():
+                raise PlaceRecognitionError('the node ended before it was ready; see above')
+            if time.monotonic() > end:
+                raise PlaceRecognitionError(
+                    f'the node did not appear within {_DISCOVERY_S:g} s; is discovery between '
+                    f'processes blocked (ROS_AUTOMATIC_DISCOVERY_RANGE, firewall)?'
+                )
+            rclpy.spin_once(self, timeout_sec=0.1)
+
+    def play(self, messages: Iterable[tuple[str, bytes, int]]) -> None:
+        """
+        Publish messages in their order.
+
+        :param messages: topic, serialized message, header stamp.
+        """
+        for topic, raw, sent_ns in messages:
+            self._outputs[topic].publish(raw)
+            if topic == IMAGE_TOPIC:
+                self._wait_for_answer(sent_ns)
+
+    def _connected(self) -> bool:
+        outputs = all(output.get_subscription_count() for output in self._outputs.values())
+        inputs = (self._answers, self._closures)
+        return outputs and all(self.count_publishers(each.topic_name) for each in inputs)
+
+    def _wait_for_answer(self, sent_ns: int) -> None:
+        end = time.monotonic() + _PATIENCE_S
+        while time.monotonic() < end and self.answered_ns[-1:] != [sent_ns]:
+            rclpy.spin_once(self, timeout_sec=0.1)
+
+    def _on_answer(self, message: PointCloud2) -> None:
+        self.answered_ns.append(stamp_ns(message))
+
+    def _on_closures(self, message: PointCloud2) -> None:
+        published = read_candidates(message)
+        self.closures += [item.candidate for item in published]
+        best = published[0].candidate
+        ago_s = (best.query_stamp_ns - best.match_stamp_ns) / 1e9
+        x, y, _ = published[0].position
+        print(
+            f'loop closure: seen {ago_s:5.1f} s ago, at x {x:6.1f} m, y {y:6.1f} m, '
+            f'similarity {best.similarity:.2f}',
+            flush=True,
+        )
+
+
+def raw_messages(bag: Path, topics: tuple[str, ...]) -> Iterator[tuple[str, bytes, int]]:
+    """Yield topic, serialized message and header stamp in the bag's order."""
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        chosen = [connection for connection in reader.connections if connection.topic in topics]
+        for connection, _, raw in reader.messages(chosen):
+            message = reader.deserialize(raw, connection.msgtype)
+            yield connection.topic, bytes(raw), stamp_ns(message)
