@@ -162,8 +162,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Made first: a signal that comes before the node spins finds it complete.
         executor = SingleThreadedExecutor()
         node = PlaceRecognitionNode()
-        executor.add_node(node)
-        executor.spin()
+        _spin(executor, node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (PlaceRecognitionError, *_START_ERRORS) as error:
@@ -184,6 +183,17 @@ def _initialize(argv: Sequence[str] | None) -> None:
     set_logger_level('rcl', LoggingSeverity.FATAL)
     rclpy.init(args=argv)
     set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+    """Spin until the context is shut down."""
+    executor.add_node(node)
+    try:
+        executor.spin()
+    except rclpy_implementation.RCLError:
+        # A signal between two waits leaves the executor with a context that has gone.
+        if rclpy.ok():
+            raise
 
 
 def _nanoseconds(seconds: float) -> int:
