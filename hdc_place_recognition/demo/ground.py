@@ -37,7 +37,7 @@ GRASS: Colour = (64, 118, 92)
 KERB: Colour = (182, 186, 188)
 ASPHALT: Colour = (92, 90, 88)
 PAINT: Colour = (225, 228, 230)
-ZEBRAS: tuple[Point, ...] = ((-3, -17),)
+ZEBRA: Point = (-3, -17)
 
 
 def ground(rng: np.random.Generator) -> NDArray[np.uint8]:
@@ -75,7 +75,7 @@ def _patches(canvas: Canvas, loop: Sequence[Point], rng: np.random.Generator) ->
 
 
 def _markings(canvas: Canvas, loop: Sequence[Point]) -> None:
-    """Paint the dashed middle, the parking bays and two zebra crossings."""
+    """Paint the dashed middle, the parking bays and a zebra crossing."""
     for start in range(0, len(loop), 8):
         canvas.line(loop[start:][:4], 0.15, PAINT)
     for bay in along_streets(PARKING_M, BAY_M):
@@ -83,10 +83,9 @@ def _markings(canvas: Canvas, loop: Sequence[Point]) -> None:
         end = np.array(_local(bay.x, bay.y)) + forward
         across = np.array([-forward[1], forward[0]]) / BAY_M * 1.8
         canvas.line([end - across, end + across], 0.12, PAINT)
-    for x, y in ZEBRAS:
-        for stripe in np.arange(-4.5, 4.6).tolist():
-            left, bottom = _local(x, y + stripe)
-            canvas.box(left - 1.6, bottom - 0.25, left + 1.6, bottom + 0.25, PAINT)
+    x, y = _local(*ZEBRA)
+    for stripe in np.arange(y - 4.5, y + 4.6).tolist():
+        canvas.box(x - 1.6, stripe - 0.25, x + 1.6, stripe + 0.25, PAINT)
 
 
 def lit_ground(

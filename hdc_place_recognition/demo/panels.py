@@ -16,8 +16,6 @@ from hdc_place_recognition.demo.canvas import Point
 import numpy as np
 from numpy.typing import NDArray
 
-Place = Point | NDArray[np.float64]  # x and y on the ground
-
 
 @dataclass(frozen=True)
 class Texture:

@@ -117,7 +117,7 @@ class Scene:
 
 
 def _furniture(rng: np.random.Generator) -> Iterator[Standing]:
-    """Return trees and the like along the kerbs, of other kinds in each street, and the park's."""
+    """Return trees and the like: along the kerbs, and those of PLACED."""
     for street, kinds in zip(STREETS, KINDS, strict=True):
         deck = shuffled(kinds, rng)
         for side in (-KERB_M, KERB_M):
@@ -170,14 +170,8 @@ def _lit_front(lot: Lot, picture: Canvas, walls: Walls, light: Light) -> Iterato
     for left, right in pairwise(np.linspace(0, 1, count + 1)):
         columns = slice(*np.rint(np.array([left, right]) * picture.pixels.shape[1]).astype(int))
         foot = [lot.left + share * (lot.right - lot.left) for share in (left, right)]
-        strip = upright(
-            tuple(foot[0]),
-            tuple(foot[1]),
-            0.0,
-            picture.height,
-            Texture(picture.pixels[:, columns]),
-        )
-        in_front = (foot[0] + foot[1]) / 2 + strip.normal[:2] * 0.05
+        strip = upright(foot[0], foot[1], 0.0, picture.height, Texture(picture.pixels[:, columns]))
+        in_front = (foot[0] + foot[1]) / 2 - lot.behind * 0.05
         height = walls.shadow_height(in_front, light)
         yield _lit_above(strip, round(height * picture.scale), light)
 
