@@ -61,7 +61,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'place_recognition_node = hdc_place_recognition.ros.node:main',
+            'place_recognition_node = hdc_place_recognition.ros.main:main',
             'hdc_evaluate = hdc_place_recognition.offline.command:main',
             'hdc_demo = hdc_place_recognition.demo.run:main',
             'hdc_params = hdc_place_recognition.params_command:main',

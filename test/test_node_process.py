@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS')
 
-RUN = 'import sys; from hdc_place_recognition.ros.node import main; sys.exit(main())'
+RUN = 'import sys; from hdc_place_recognition.ros.main import main; sys.exit(main())'
 # Needs no weights: these tests are about the process.
 BASE = ('--ros-args', '-p', 'extractor:=gradient_grid')
 SOON_S = 30.0

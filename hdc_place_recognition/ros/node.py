@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import signal
-import sys
 from typing import Any
 
 from hdc_place_recognition.core.detection import Candidate, Detection, Status
@@ -23,21 +21,11 @@ from hdc_place_recognition.ros.node_statistics import Statistics
 from hdc_place_recognition.ros.parameters import RosParameters, unknown_overrides
 from hdc_place_recognition.ros.worker import LatestWorker
 from nav_msgs.msg import Odometry
-import rclpy
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-_START_ERRORS = (
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-    rclpy_implementation.RCLError,
-)
 _WARN_PERIOD_S = 5.0
 _ODOMETRY_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -152,48 +140,6 @@ def closure_line(detection: Detection) -> str:
         f'{_seconds(best.match_stamp_ns)}, {ago_s:.1f} s ago (image {best.match_id}), '
         f'similarity {best.similarity:.2f}{f", and {more} more" if more else ""}'
     )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until it is interrupted; 2 if it cannot start, with one line that says why."""
-    node = None
-    try:
-        _initialize(argv)
-        # Made first: a signal that comes before the node spins finds it complete.
-        executor = SingleThreadedExecutor()
-        node = PlaceRecognitionNode()
-        _spin(executor, node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (PlaceRecognitionError, *_START_ERRORS) as error:
-        print(f'{NODE_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
-        return 2
-    finally:
-        # Under ros2 launch the signal can come twice; the second must not end the clean-up.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-def _initialize(argv: Sequence[str] | None) -> None:
-    """Start rclpy; what its C library logs of bad arguments, the exception says too."""
-    set_logger_level('rcl', LoggingSeverity.FATAL)
-    rclpy.init(args=argv)
-    set_logger_level('rcl', LoggingSeverity.UNSET)
-
-
-def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spin until the context is shut down."""
-    executor.add_node(node)
-    try:
-        executor.spin()
-    except rclpy_implementation.RCLError:
-        # A signal between two waits leaves the executor with a context that has gone.
-        if rclpy.ok():
-            raise
 
 
 def _nanoseconds(seconds: float) -> int:
