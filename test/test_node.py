@@ -9,6 +9,7 @@ import time
 from typing import Any
 
 from conftest import CellExtractor, texture
+import cv2
 import numpy as np
 import pytest
 
@@ -25,7 +26,7 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
-from sensor_msgs.msg import Image, PointCloud2  # noqa: E402
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2  # noqa: E402
 
 S = 1_000_000_000
 SOON_S = 10.0
@@ -35,7 +36,7 @@ NAME = '/place_recognition_node'
 class Bench:
     """The node beside a user's node, turned by one executor."""
 
-    def __init__(self, *words: str) -> None:
+    def __init__(self, *words: str, kind: type = Image) -> None:
         self.node = node_module.PlaceRecognitionNode(
             cli_args=[
                 '--ros-args',
@@ -52,7 +53,7 @@ class Bench:
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.executor.add_node(self.user)
-        self.images = self.user.create_publisher(Image, '/camera/image_raw', 10)
+        self.images = self.user.create_publisher(kind, '/camera/image_raw', 10)
         self.odometry = self.user.create_publisher(Odometry, '/odom', 100)
 
     def heard(self, kind: type, topic: str) -> list[Any]:
@@ -265,4 +266,20 @@ def test_unknown_parameters_are_named():
 def test_quality_of_service_can_be_overridden():
     bench = Bench('-p', 'qos_overrides./camera/image_raw.subscription.depth:=3')
     assert bench.node._input._subscription.qos_profile.depth == 3
+    bench.close()
+
+
+def test_compressed_images():
+    bench = Bench('-p', 'image_transport:=compressed', kind=CompressedImage)
+    for second in range(2):
+        _, jpeg = cv2.imencode('.jpg', texture(second))
+        # The second one is cut short.
+        message = CompressedImage(format='mono8; jpeg compressed', data=jpeg.tobytes())
+        message.data = message.data[: len(message.data) // (second + 1)]
+        set_stamp(message, second)
+        bench.images.publish(message)
+        bench.until(lambda second=second: bench.node.statistics.received > second)
+        assert bench.node.worker.wait_idle(SOON_S)
+    assert bench.node.statistics.processed == 1
+    assert 'cannot be decoded' in bench.node.statistics.last_error
     bench.close()

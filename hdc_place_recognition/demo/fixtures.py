@@ -14,7 +14,7 @@ from hdc_place_recognition.demo.plan import KERB_M, Lot, RAILING, STREETS
 import numpy as np
 from numpy.typing import NDArray
 
-DEPTH_M = 9.0
+DEPTH_M = 5.0
 INSET_M = 0.05  # of bare walls, behind the fronts round the corner
 POST_M = 2.0
 # Words, colour and place along the street, from -1 to 1, of each street's banner.
