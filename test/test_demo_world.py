@@ -13,6 +13,7 @@ from hdc_place_recognition.demo.bag import (
     write_bag,
 )
 from hdc_place_recognition.demo.camera import Camera
+from hdc_place_recognition.demo.canvas import Canvas
 from hdc_place_recognition.demo.light import Light
 from hdc_place_recognition.demo.panels import Panel, Sprite, Texture, upright
 from hdc_place_recognition.demo.raster import draw
@@ -174,3 +175,10 @@ def test_bag_that_cannot_be_written(tmp_path):
         write_bag(tmp_path / 'bag', storage='zip')
     with pytest.raises(PlaceRecognitionError, match=r'cannot write bag .*exists'):
         write_bag(tmp_path, laps=0.01)
+
+
+def test_writing_on_a_canvas_leaves_no_holes():
+    canvas = Canvas(4.0, 1.0, 32.0, (20, 20, 200))
+    canvas.text('SHOP', 0.2, 0.2, 3.8, 0.8, (250, 250, 250))
+    assert (canvas.pixels[:, :, 0] > 200).any()
+    assert (canvas.pixels[:, :, 3] == 255).all()

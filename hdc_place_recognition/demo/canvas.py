@@ -95,14 +95,17 @@ class Canvas:
     def text(
         self, words: str, left: float, bottom: float, right: float, top: float, colour: Colour
     ) -> None:
-        """Write words as large as fits a rectangle, in its middle."""
+        """Write words as large as fits an opaque rectangle, in its middle."""
         (wide, high), _ = cv2.getTextSize(words, FONT, 1.0, 1)
         scale = min((right - left) / wide, (top - bottom) / high) * self.scale
         x = (left + right) / 2 * self.scale - wide * scale / 2
         y = (self.height - (bottom + top) / 2) * self.scale + high * scale / 2
         place = round(x), round(y)
         thickness = max(round(scale * 4), 1)
-        cv2.putText(self.pixels, words, place, FONT, scale, (*colour, 255), thickness, cv2.LINE_AA)
+        # OpenCV 5 makes the letters' edges transparent: only the colours are taken.
+        written = self.bgr()
+        cv2.putText(written, words, place, FONT, scale, colour, thickness, cv2.LINE_AA)
+        self.pixels[:, :, :3] = written
 
     def grain(self, strength: float, rng: np.random.Generator, size: float = 0.15) -> None:
         """Roughen all colours by noise in patches of `size` metres."""
