@@ -1,0 +1,44 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command hdc_experiments: what the choices of the package were made by, to be repeated."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import logging
+import sys
+
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.offline.experiment_shift import add_shift
+from hdc_place_recognition.offline.experiment_vectors import add_vectors
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run one experiment and print its table.
+
+    :param argv: arguments of the command line, those of the process by default.
+    :return: exit code; 2 if the input or a parameter is bad.
+    """
+    logging.basicConfig(level=logging.INFO, format='%(message)s', stream=sys.stderr)
+    arguments = _parser().parse_args(argv)
+    try:
+        print(arguments.run(arguments))
+    except (PlaceRecognitionError, OSError) as error:
+        print(f'hdc_experiments {arguments.experiment}: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    """Return the parser; each experiment sets `run`, which returns the text to print."""
+    parser = argparse.ArgumentParser(
+        prog='hdc_experiments', allow_abbrev=False, description=__doc__
+    )
+    subparsers = parser.add_subparsers(dest='experiment', required=True, metavar='EXPERIMENT')
+    add_vectors(subparsers)
+    add_shift(subparsers)
+    return parser
