@@ -138,10 +138,28 @@ class Params:
         live=True,
     )
     top_k: int = _param(10, 'Candidates reported for each image.', low=1, high=1000, live=True)
-    min_similarity: float = _param(
-        0.35,
-        'Centred cosine similarity from which a candidate is accepted as a loop closure.',
-        low=-1.0,
+    verify: bool = _param(True, 'Check candidates by the geometry of keypoints.')
+    verify_features: int = _param(
+        300,
+        'Keypoints kept of each image to verify it by, 134 bytes each.',
+        low=8,
+        high=10000,
+    )
+    verify_top_k: int = _param(
+        5, 'Candidates of each image that are verified.', low=1, high=100, live=True
+    )
+    min_score: float = _param(
+        0.95,
+        'Probability from which a candidate is accepted as a loop closure.',
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    keyframe_similarity: float = _param(
+        0.9,
+        'Images whose cosine similarity to the last keyframe is above this are compared but not '
+        'stored: the robot stands still. 1 stores all.',
+        low=0.0,
         high=1.0,
         live=True,
     )

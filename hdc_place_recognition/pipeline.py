@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import cv2
+from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.features import create_extractor
 from hdc_place_recognition.params import Params
 import threadpoolctl
+
+# More is slower and, with as many keypoints, no better.
+_KEYPOINTS_WIDTH = 320
 
 
 def create_recognizer(params: Params) -> PlaceRecognizer:
@@ -22,12 +26,17 @@ def create_recognizer(params: Params) -> PlaceRecognizer:
     """
     threadpoolctl.threadpool_limits(params.threads, user_api='blas')
     cv2.setNumThreads(params.threads)
-    return PlaceRecognizer(
-        params,
-        create_extractor(
-            params.extractor,
-            image_width=params.image_width,
-            max_features=params.max_features,
-            threads=params.threads,
-        ),
+    extractor = create_extractor(
+        params.extractor,
+        image_width=params.image_width,
+        max_features=params.max_features,
+        threads=params.threads,
+    )
+    return PlaceRecognizer(params, extractor, _keypoints(params) if params.verify else None)
+
+
+def _keypoints(params: Params) -> Extractor:
+    """Return the extractor of what candidates are verified by."""
+    return create_extractor(
+        'rootsift', image_width=_KEYPOINTS_WIDTH, max_features=params.verify_features
     )

@@ -4,7 +4,7 @@
 
 import struct
 
-from hdc_place_recognition.core.detection import Candidate
+from hdc_place_recognition.core.detection import Candidate, Reason
 import pytest
 
 pytest.importorskip('sensor_msgs', reason='needs ROS')
@@ -14,7 +14,18 @@ STAMP_NS = 1_776_863_762_100_071_637
 
 
 def published(similarity: float = 0.5, *, accepted: bool = True) -> object:
-    candidate = Candidate(STAMP_NS, STAMP_NS - 90_000_000_001, 42, similarity, 0.25, -1, accepted)
+    candidate = Candidate(
+        query_stamp_ns=STAMP_NS,
+        match_stamp_ns=STAMP_NS - 90_000_000_001,
+        match_id=42,
+        similarity=similarity,
+        score=0.25,
+        inliers=-1,
+        accepted=accepted,
+        reason=Reason.ACCEPTED if accepted else Reason.FEW_INLIERS,
+        shift_x=-0.125,
+        shift_y=0.5,
+    )
     return messages.PublishedCandidate(candidate, (1.5, -2.0, 0.25))
 
 
@@ -44,10 +55,13 @@ def test_layout_as_documented():
         'score',
         'inliers',
         'accepted',
+        'shift_x',
+        'shift_y',
+        'reason',
     ]
-    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 1, 48, 48)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 1, 60, 60)
     assert cloud.header.frame_id == 'camera' and not cloud.is_bigendian
-    values = struct.unpack('<fffiIiIIffiB3x', bytes(cloud.data))
+    values = struct.unpack('<fffiIiIIffiB3xffB3x', bytes(cloud.data))
     assert values == (
         1.5,
         -2.0,
@@ -61,18 +75,21 @@ def test_layout_as_documented():
         0.25,
         -1,
         1,
+        -0.125,
+        0.5,
+        0,
     )
 
 
 def test_none_is_width_0():
     cloud = message()
-    assert cloud.width == 0 and len(cloud.data) == 0 and len(cloud.fields) == 12
+    assert cloud.width == 0 and len(cloud.data) == 0 and len(cloud.fields) == 15
     assert messages.read_candidates(cloud) == []
 
 
 def test_reader_follows_the_fields_not_the_layout():
     cloud = message(published())
-    cloud.point_step = 52
+    cloud.point_step = 64
     cloud.data = bytes(cloud.data) + bytes(4)
     assert messages.read_candidates(cloud) == [published()]
 

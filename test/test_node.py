@@ -149,28 +149,28 @@ def test_loop_is_published_with_the_images_header(bench):
 
 
 def test_live_parameter_is_set_and_a_bad_one_refused_with_a_reason(bench):
-    good = parameter(bench, 'set_parameters', [Parameter('min_similarity', value=0.25)])
+    good = parameter(bench, 'set_parameters', [Parameter('min_score', value=0.25)])
     assert good.results[0].successful
-    assert bench.node._recognizer.params.min_similarity == 0.25
-    whole = parameter(bench, 'set_parameters', [Parameter('min_similarity', value=1)])
+    assert bench.node._recognizer.params.min_score == 0.25
+    whole = parameter(bench, 'set_parameters', [Parameter('min_score', value=1)])
     assert whole.results[0].successful
-    assert bench.node._recognizer.params.min_similarity == 1.0
+    assert bench.node._recognizer.params.min_score == 1.0
     for name, value, reason in [
-        ('min_similarity', 1.5, 'min_similarity'),
-        ('min_similarity', 2, 'outside -1 to 1'),
-        ('min_similarity', 'high', 'expected a float'),
+        ('min_score', 1.5, 'min_score'),
+        ('min_score', 2, 'outside 0 to 1'),
+        ('min_score', 'high', 'expected a float'),
         ('n_x', 3, 'read-only'),
     ]:
         bad = parameter(bench, 'set_parameters', [Parameter(name, value=value)]).results[0]
         assert not bad.successful
         assert reason in bad.reason
-    assert bench.node._recognizer.params.min_similarity == 1.0
+    assert bench.node._recognizer.params.min_score == 1.0
 
 
 def test_parameters_are_described(bench):
-    described = parameter(bench, 'describe_parameters', ['min_similarity', 'extractor', 'top_k'])
+    described = parameter(bench, 'describe_parameters', ['min_score', 'extractor', 'top_k'])
     similarity, extractor, top_k = described.descriptors
-    assert 'cosine' in similarity.description and not similarity.read_only
+    assert 'Probability' in similarity.description and not similarity.read_only
     assert similarity.floating_point_range[0].to_value == 1.0
     assert extractor.read_only and 'sift' in extractor.additional_constraints
     assert top_k.integer_range[0].from_value == 1

@@ -48,7 +48,7 @@ def test_ends_cleanly(numbers):
     [
         (['-p', 'n_x:=0'], 'n_x'),
         (['-p', 'n_x:=two'], 'n_x'),
-        (['-p', 'min_similarity:=high'], 'min_similarity'),
+        (['-p', 'min_score:=high'], 'min_score'),
         (['-p', 'preprocessing:=whiten'], 'preprocessing'),
         (['--params-file', '/nowhere/p.yaml'], '/nowhere/p.yaml'),
         (['-p', 'n_x:=[1'], 'n_x'),
@@ -72,7 +72,7 @@ def test_bad_parameter_file_is_one_line_and_2(tmp_path: Path):
 
 
 def test_integer_serves_for_a_float():
-    process = start(*BASE, '-p', 'min_similarity:=1')
+    process = start(*BASE, '-p', 'min_score:=1')
     assert process.stdout is not None
     assert 'listening' in process.stdout.readline()
     process.send_signal(signal.SIGINT)

@@ -19,7 +19,7 @@ from hdc_place_recognition.params_io import (
 )
 import pytest
 
-CHANGED = Params(n_x=2, min_similarity=0.25, extractor='orb', center_database=False)
+CHANGED = Params(n_x=2, min_score=0.25, extractor='orb', center_database=False)
 
 
 def write(path: Path, text: str) -> Path:
@@ -48,11 +48,11 @@ def test_every_parameter_is_described_and_its_default_allowed():
         ({'n_x': 2.0}, r'parameter n_x: 2.0 is a float, expected a int \(1 to 64\)'),
         ({'n_x': True}, 'parameter n_x: True is a bool'),
         (
-            {'min_similarity': 'high'},
-            "parameter min_similarity: 'high' is a str, expected a float",
+            {'min_score': 'high'},
+            "parameter min_score: 'high' is a str, expected a float",
         ),
-        ({'min_similarity': float('nan')}, 'parameter min_similarity: nan is outside -1 to 1'),
-        ({'min_similarity': 1.5}, 'outside -1 to 1'),
+        ({'min_score': float('nan')}, 'parameter min_score: nan is outside 0 to 1'),
+        ({'min_score': 1.5}, 'outside 0 to 1'),
         (
             {'extractor': 'surf'},
             "parameter extractor: 'surf' is not one of efficientnet_lite0, sift",
@@ -66,8 +66,8 @@ def test_bad_values_are_named(changes, message):
 
 
 def test_integer_serves_for_a_float():
-    changed = Params.from_dict({'min_similarity': 1})
-    assert changed.min_similarity == 1.0 and type(changed.min_similarity) is float
+    changed = Params.from_dict({'min_score': 1})
+    assert changed.min_score == 1.0 and type(changed.min_score) is float
 
 
 def test_yaml_there_and_back(tmp_path):
@@ -115,7 +115,7 @@ def test_defaults_then_file_then_flags(tmp_path):
     assert arguments('--params-file', path) == CHANGED
     assert arguments('--n-x', '7', '--params-file', path) == CHANGED.replace(n_x=7)
     assert arguments('--no-center-database').center_database is False
-    assert arguments('--min-similarity', '1').min_similarity == 1.0
+    assert arguments('--min-score', '1').min_score == 1.0
 
 
 def test_config_file_is_up_to_date():

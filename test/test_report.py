@@ -36,7 +36,7 @@ KEYS = {
 }
 ADDED = {'name', 'average_precision_100', 'closures', 'images_passed_over'}
 PLACES = (0, 1, 2, 3, 4, 5, 0, 1, 9)
-SMALL = ['--dimensions', '512', '--min-similarity', '0.8', '--top-k', '3']
+SMALL = ['--dimensions', '512', '--min-score', '0.8', '--top-k', '3']
 
 
 @pytest.fixture(autouse=True)
@@ -129,6 +129,9 @@ def test_candidates_file(loop, tmp_path, capsys):
         'score',
         'inliers',
         'accepted',
+        'reason',
+        'shift_x',
+        'shift_y',
         'truth',
     ]
     accepted = [row for row in rows if row['accepted'] == '1']
@@ -277,7 +280,7 @@ def test_plot_draws_pictures(loop, tmp_path, capsys):
 def test_plot_without_truth_and_closures(loop, tmp_path, capsys):
     pytest.importorskip('matplotlib')
     (loop / 'gt.npz').unlink()
-    code, _, _ = run(capsys, loop, '--plot', '--min-similarity', '1', '--output', tmp_path)
+    code, _, _ = run(capsys, loop, '--plot', '--min-score', '1', '--output', tmp_path)
     assert code == 0
     drawn = {each.name for each in (tmp_path / 'loop_1').glob('*.png')}
     assert drawn == {'closures.png'}

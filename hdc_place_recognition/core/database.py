@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.core.landmarks import Landmarks
 import numpy as np
 from numpy.typing import NDArray
 
-_CHUNK_ROWS = 1024
+_CHUNK_ROWS = 64
 # Squared lengths below this are rounding errors of centring, not directions.
 _NOTHING = 1e-9
 
@@ -61,6 +62,7 @@ class Database:
     center: bool
     extractor: str
     stamps_ns: list[int] = field(default_factory=list)
+    landmarks: list[Landmarks | None] = field(default_factory=list)
     _clock_ns: list[int] = field(default_factory=list)
     _chunks: list[_Chunk] = field(default_factory=list)
     _seen: int = 0
@@ -75,11 +77,12 @@ class Database:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of memory held by the rows."""
-        return sum(
+        """Bytes of memory held by the rows and their landmarks."""
+        rows = sum(
             chunk.rows.nbytes + chunk.squared_length.nbytes + chunk.dot_sums.nbytes
             for chunk in self._chunks
         )
+        return rows + sum(landmarks.nbytes for landmarks in self.landmarks if landmarks)
 
     def older_than(self, clock_ns: int, recent_rows: int) -> int:
         """
@@ -131,13 +134,21 @@ class Database:
         similarities = np.take_along_axis(cosine, best[:, None], axis=1)[:, 0]
         return Answer(np.clip(similarities, -1, 1).astype(np.float32), best)
 
-    def add(self, stamp_ns: int, clock_ns: int, query: Hypervector) -> int:
+    def stay(self, clock_ns: int) -> None:
+        """Let the newest row be as new as an image that shows the same."""
+        if self._clock_ns:
+            self._clock_ns[-1] = clock_ns
+
+    def add(
+        self, stamp_ns: int, clock_ns: int, query: Hypervector, landmarks: Landmarks | None = None
+    ) -> int:
         """
         Store the middle form of an image and return its row.
 
         :param stamp_ns: the image's header stamp.
         :param clock_ns: the same on a clock that never goes back.
         :param query: (s, d) float32.
+        :param landmarks: to verify it by.
         """
         row, descriptor = len(self), query[self._middle]
         if row == len(self._chunks) * _CHUNK_ROWS:
@@ -147,6 +158,7 @@ class Database:
         chunk.squared_length[place] = float(descriptor @ descriptor)
         chunk.dot_sums[place] = self._sums @ descriptor
         self.stamps_ns.append(stamp_ns)
+        self.landmarks.append(landmarks)
         self._clock_ns.append(clock_ns)
         self._asked = None
         return row
@@ -175,18 +187,3 @@ class Database:
             start = index * _CHUNK_ROWS
             filled = min(len(self) - start, _CHUNK_ROWS)
             yield chunk, slice(0, filled), slice(start, start + filled)
-
-
-def best_rows(similarities: NDArray[np.float32], count: int) -> NDArray[np.intp]:
-    """
-    Return the rows of the highest similarities, best first; of equals the older first.
-
-    :param similarities: (n,).
-    :return: (min(count, n),) intp.
-    """
-    if len(similarities) > count:
-        least = np.partition(similarities, -count)[-count]
-        rows = np.flatnonzero(similarities >= least)
-    else:
-        rows = np.arange(len(similarities))
-    return rows[np.argsort(-similarities[rows], kind='stable')][:count]

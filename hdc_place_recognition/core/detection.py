@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.core.landmarks import Landmarks
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +20,26 @@ class Status(Enum):
     """What became of an image; the value is a phrase for people."""
 
     ACCEPTED = 'loop closure'
-    BELOW_THRESHOLD = 'no candidate is similar enough'
+    BELOW_THRESHOLD = 'no candidate reaches min_score'
     DATABASE_TOO_YOUNG = 'no image in the database is old enough'
     NO_FEATURES = 'no local features in the image'
     TOO_SOON = 'passed over: nearer than min_interval_s to the last image'
     STAMP_REPEATED = 'passed over: same stamp as the last image'
     STAMP_OUT_OF_ORDER = 'passed over: older than the last image'
+
+
+class Reason(Enum):
+    """Why a candidate was not accepted; the value is a phrase for people."""
+
+    ACCEPTED = 'accepted'
+    ANOTHER_PLACE = 'another place fits better'
+    NOT_VERIFIED = 'not verified: not among the verify_top_k best'
+    FEW_INLIERS = 'few inliers'
+    NO_SPREAD = 'inliers without spread'
+    LIKE_MANY = 'too similar to many'
+    AT_EDGE = 'at the edge of what was searched, where a better one may lie outside'
+    NO_SUPPORT = 'no support by the images before'
+    UNLIKELY = 'all in all not likely enough'
 
 
 @dataclass(frozen=True)
@@ -33,8 +48,12 @@ class Candidate:
     An earlier image that may show the same place.
 
     :param similarity: centred cosine, -1 to 1.
-    :param score: what is held against the threshold.
+    :param score: probability that it is a true loop closure, 0 to 1; 0 if that was not looked at.
     :param inliers: of the geometric verification; NOT_VERIFIED without one.
+    :param accepted: whether the score reaches min_score.
+    :param reason: why not, if not.
+    :param shift_x: how far to the right the scene lies in the earlier image, share of the width.
+    :param shift_y: how far down, share of the height.
     """
 
     query_stamp_ns: int
@@ -44,6 +63,9 @@ class Candidate:
     score: float
     inliers: int
     accepted: bool
+    reason: Reason
+    shift_x: float
+    shift_y: float
 
 
 @dataclass(frozen=True)
@@ -52,11 +74,15 @@ class Description:
     An image as the database knows it, with the milliseconds that each stage took.
 
     :param query: (s, d) float32, the image under each displacement, the middle one being none.
+    :param moved: whether it shows something new, rather than what the last keyframe shows.
+    :param landmarks: to verify it by, None where nothing is verified.
     """
 
     stamp_ns: int
     query: Hypervector
     n_features: int
+    moved: bool = True
+    landmarks: Landmarks | None = None
     milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
@@ -73,7 +99,7 @@ class Detection:
     :param candidates: best first, accepted or not; none where the status says why.
     :param similarities: (n,) float32, to the first n rows of the database: those old enough.
     :param keyframe_id: the row under which the image was stored, None if it was not.
-    :param milliseconds: spent in extract, encode, query and insert.
+    :param milliseconds: spent in extract, encode, query, verify and insert.
     """
 
     stamp_ns: int

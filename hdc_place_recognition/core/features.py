@@ -21,6 +21,8 @@ class LocalFeatures:
     :param width: of the image that the keypoints refer to, pixels.
     :param height: of the same image, pixels.
     :param pooled: (p,) float32, a vector of the whole image from the same pass, or None.
+    :param sizes: (k,) float32, diameters in pixels, None where the method knows no scale.
+    :param angles: (k,) float32, directions in degrees, None likewise.
     """
 
     keypoints: NDArray[np.float32]
@@ -28,6 +30,8 @@ class LocalFeatures:
     width: int
     height: int
     pooled: NDArray[np.float32] | None = None
+    sizes: NDArray[np.float32] | None = None
+    angles: NDArray[np.float32] | None = None
 
     def __len__(self) -> int:
         """Return the number of features k."""

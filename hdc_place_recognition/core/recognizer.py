@@ -7,23 +7,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from hdc_place_recognition.core.database import best_rows, Database
+from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
-from hdc_place_recognition.core.detection import (
-    Candidate,
-    Description,
-    Detection,
-    NOT_VERIFIED,
-    Status,
-)
+from hdc_place_recognition.core.detection import Candidate, Description, Detection, Status
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
+from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.core.judge import Judge
+from hdc_place_recognition.core.landmarks import keep
 from hdc_place_recognition.core.selection import StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.params import Params
-import numpy as np
 from numpy.typing import NDArray
 
 
@@ -33,9 +29,12 @@ class PlaceRecognizer:
 
     :param params: may be replaced at any time; live parameters take effect with the next image.
     :param extractor: of local features.
+    :param keypoints: extractor of what candidates are verified by, None to verify none.
     """
 
-    def __init__(self, params: Params, extractor: Extractor) -> None:
+    def __init__(
+        self, params: Params, extractor: Extractor, keypoints: Extractor | None = None
+    ) -> None:
         self.params = params
         displacements = Displacements(
             params.displacements_x, params.displacements_y, params.displacement_step
@@ -46,7 +45,7 @@ class PlaceRecognizer:
             params.center_database,
             extractor.identity,
         )
-        self._extractor = extractor
+        self._extractor, self._keypoints = extractor, keypoints
         self._encoder = DescriptorEncoder(
             dimensions=params.dimensions,
             n_x=params.n_x,
@@ -60,6 +59,13 @@ class PlaceRecognizer:
             dimensions=params.dimensions, length=params.sequence_length, seed=params.seed
         )
         self._selector = StampSelector()
+        self._judge = Judge(displacements.offsets)
+        self._keyframe: Hypervector | None = None
+
+    @property
+    def verifies(self) -> bool:
+        """Return whether candidates are verified by their geometry."""
+        return self._keypoints is not None
 
     def process(self, stamp_ns: int, image: NDArray[Any]) -> Detection:
         """
@@ -81,86 +87,105 @@ class PlaceRecognizer:
         return replace(detection, keyframe_id=keyframe_id, milliseconds=watch.milliseconds)
 
     def describe(self, stamp_ns: int, image: NDArray[Any]) -> Description:
-        """Look at an image: return its hypervectors, or those of the sequence it ends."""
-        watch = Stopwatch()
+        """
+        Look at an image: return its hypervectors, or those of the sequence it ends.
+
+        An image that shows what the last keyframe shows does not count for the means.
+        """
+        watch, image = Stopwatch(), as_uint8(image)
         with watch.stage('extract'):
-            features = self._extractor.extract(as_uint8(image))
+            features = self._extractor.extract(image)
         with watch.stage('encode'):
             query = self._sequence.push(self._encoder.encode(features))
-        description = Description(stamp_ns, query, len(features), watch.milliseconds)
-        if not description.empty:
+        landmarks = None
+        if self._keypoints is not None:
+            with watch.stage('verify'):
+                landmarks = keep(self._keypoints.extract(image))
+        moved = self._moved(query)
+        if moved and query.any():
             with watch.stage('query'):
                 self.database.see(query)
-        return description
+        return Description(
+            stamp_ns, query, len(features), moved, landmarks, milliseconds=watch.milliseconds
+        )
 
     def recognize(
         self, description: Description, *, rows: int | None = None, skip_id: int | None = None
     ) -> Detection:
         """
-        Compare an image with those of the database, and store nothing.
+        Compare an image with those of the database, and store nothing there.
+
+        Images that are asked for one after the other support each other.
 
         :param rows: only the first rows may be candidates; all by default.
         :param skip_id: a row that may not: the image itself, when all are compared with all.
         """
         watch = Stopwatch(description.milliseconds)
         with watch.stage('query'):
-            similarities = self.database.ask(description.query, rows).similarities
-            candidates = self._candidates(description, similarities, skip_id)
+            answer = self.database.ask(description.query, rows)
+        candidates: tuple[Candidate, ...] = ()
+        if not description.empty:
+            with watch.stage('query' if description.landmarks is None else 'verify'):
+                candidates = self._judge.candidates(
+                    description, answer, self.database, self.params, skip_id
+                )
         return Detection(
             description.stamp_ns,
-            self._status(description, candidates),
+            _status(description, candidates),
             candidates,
-            similarities,
+            answer.similarities,
             n_features=description.n_features,
             milliseconds=watch.milliseconds,
         )
 
     def learn(self, description: Description) -> int | None:
-        """Store an image and return its row; None where there is nothing to recognise it by."""
+        """
+        Store an image and return its row.
+
+        :return: None where there is nothing to recognise it by, or nothing new to be seen: the
+            last keyframe stays as young as the image then.
+        """
         if description.empty:
             return None
         clock_ns = self._selector.clock_ns
-        return self.database.add(description.stamp_ns, clock_ns, description.query)
+        if not description.moved:
+            self.database.stay(clock_ns)
+            return None
+        return self.database.add(
+            description.stamp_ns, clock_ns, description.query, description.landmarks
+        )
 
     def start_sequence(self) -> None:
         """Begin another traverse: what comes next does not continue what came before."""
         self._sequence.clear()
         self._selector.restart()
+        self._judge.consistency.clear()
+        self._keyframe = None
+
+    def _moved(self, query: Hypervector) -> bool:
+        """Return whether an image differs from the last keyframe; it is the next one then."""
+        current = query[len(query) // 2]
+        if self._keyframe is not None:
+            similarity = min(float(current @ self._keyframe), 1.0)
+            if similarity > self.params.keyframe_similarity:
+                return False
+        if query.any():
+            self._keyframe = current
+        return True
 
     def _old_enough(self) -> int:
         """Return how many rows are old enough to be candidates: the first ones."""
         limit_ns = self._selector.clock_ns - _nanoseconds(self.params.exclude_recent_s)
         return self.database.older_than(limit_ns, self.params.exclude_recent_frames)
 
-    def _candidates(
-        self, description: Description, similarities: NDArray[np.float32], skip_id: int | None
-    ) -> tuple[Candidate, ...]:
-        if description.empty:
-            return ()
-        rows = best_rows(similarities, self.params.top_k + (skip_id is not None))
-        allowed = rows[rows != skip_id][: self.params.top_k]
-        return tuple(
-            self._candidate(description, int(row), float(similarities[row])) for row in allowed
-        )
 
-    def _candidate(self, description: Description, row: int, similarity: float) -> Candidate:
-        return Candidate(
-            query_stamp_ns=description.stamp_ns,
-            match_stamp_ns=self.database.stamps_ns[row],
-            match_id=row,
-            similarity=similarity,
-            score=similarity,
-            inliers=NOT_VERIFIED,
-            accepted=similarity >= self.params.min_similarity,
-        )
-
-    def _status(self, description: Description, candidates: tuple[Candidate, ...]) -> Status:
-        if description.empty:
-            return Status.NO_FEATURES
-        if not candidates:
-            return Status.DATABASE_TOO_YOUNG
-        accepted = any(candidate.accepted for candidate in candidates)
-        return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD
+def _status(description: Description, candidates: tuple[Candidate, ...]) -> Status:
+    if description.empty:
+        return Status.NO_FEATURES
+    if not candidates:
+        return Status.DATABASE_TOO_YOUNG
+    accepted = any(candidate.accepted for candidate in candidates)
+    return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD
 
 
 def _nanoseconds(seconds: float) -> int:

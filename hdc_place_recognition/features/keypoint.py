@@ -45,13 +45,17 @@ class KeypointExtractor:
         grey = reduce_to_width(as_grey(image), self._image_width)
         keypoints, descriptors = self._detect(grey)
         best = _strongest(keypoints)[: self._max_features]
-        positions = np.array([keypoints[i].pt for i in best], np.float32).reshape(-1, 2)
+        points = [keypoints[index] for index in best]
+        positions = np.array([point.pt for point in points], np.float32).reshape(-1, 2)
         height, width = image.shape[:2]
+        scale = np.float32(width / grey.shape[1])
         return LocalFeatures(
             keypoints=restore(positions, grey, image),
             descriptors=self._finish(descriptors[best]),
             width=width,
             height=height,
+            sizes=np.array([point.size for point in points], np.float32) * scale,
+            angles=np.array([point.angle for point in points], np.float32),
         )
 
     def _detect(self, grey: Image) -> tuple[Sequence[cv2.KeyPoint], NDArray[Any]]:

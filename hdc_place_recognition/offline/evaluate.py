@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hdc_place_recognition.core.detection import Candidate
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
@@ -24,7 +24,12 @@ STAGES = ('read', 'extract', 'encode', 'query', 'insert', 'verify')
 
 @dataclass(frozen=True)
 class Ranking:
-    """How well the similarities rank the images, by the functions of the same names in metrics."""
+    """
+    How well the images are ranked, by the functions of the same names in metrics.
+
+    By similarity over all pairs. The last two are about the best match of each query: by score,
+    among the candidates it reported, if these were verified; else by similarity.
+    """
 
     average_precision: float | None = None
     average_precision_100: float | None = None
@@ -130,30 +135,38 @@ def evaluate(
         params=recognizer.params,
         recording=recording,
         cost=_cost(recording, recognizer.database.nbytes),
-        judgement=_judge(recording, dataset.ground_truth) if dataset.ground_truth else None,
+        judgement=_judge(recording, dataset.ground_truth, recognizer.verifies)
+        if dataset.ground_truth
+        else None,
     )
 
 
-def rank(pairs: Pairs) -> Ranking:
-    """Return the metrics that look at similarities alone, not at what was accepted."""
+def rank(pairs: Pairs, scored: Pairs) -> Ranking:
+    """
+    Return the metrics that do not look at what was accepted.
+
+    :param pairs: with similarities.
+    :param scored: with what decides on the best match of each query.
+    """
     return Ranking(
         average_precision=metrics.average_precision(pairs),
         average_precision_100=metrics.average_precision_100(pairs),
         recall_at_1=metrics.recall_at_k(pairs, 1),
         recall_at_5=metrics.recall_at_k(pairs, 5),
         recall_at_10=metrics.recall_at_k(pairs, 10),
-        recall_at_full_precision=metrics.recall_at_full_precision(pairs),
-        area_best_match=metrics.area_best_match(pairs),
+        recall_at_full_precision=metrics.recall_at_full_precision(scored),
+        area_best_match=metrics.area_best_match(scored),
     )
 
 
-def _judge(recording: Recording, ground_truth: GroundTruth) -> Judgement:
+def _judge(recording: Recording, ground_truth: GroundTruth, verified: bool) -> Judgement:
     truth = ground_truth.truth(recording.query_stamps_ns, recording.database_stamps_ns)
     pairs = Pairs(recording.similarity_matrix(), truth.hard, truth.soft, recording.eligible)
+    scored = replace(pairs, similarities=recording.score_matrix()) if verified else pairs
     accepted = recording.cells(accepted_only=True)
     return Judgement(
         pairs=pairs,
-        ranking=rank(pairs),
+        ranking=rank(pairs, scored),
         closures=count_closures(accepted, truth.hard, truth.soft, pairs.has_match),
         verdicts=tuple(judge(recording.cells(), truth.hard, truth.soft)),
     )

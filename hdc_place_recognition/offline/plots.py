@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SHOWN_PAIRS = 4
+_CALIBRATION_BINS = 10
 _CONTRAST = (2.0, 99.8)  # percentiles of the similarities that are drawn white and black
 # Colours that the colour-blind can tell apart.
 _COLOURS = {
@@ -49,6 +50,28 @@ def draw(evaluation: Evaluation, folder: Path) -> None:
     _draw_closures(evaluation, folder / 'closures.png')
     if evaluation.judgement is not None:
         _draw_curves(evaluation, evaluation.judgement, folder / 'precision_recall.png')
+
+
+def draw_calibration(scores: NDArray[np.float64], true: NDArray[np.bool_], file: Path) -> None:
+    """
+    Draw the share of true closures among candidates of like scores over these scores.
+
+    :param scores: (n,) predicted probabilities.
+    :param true: (n,) bool, whether the candidates are true closures.
+    :param file: where the picture is written.
+    """
+    bins = np.minimum((scores * _CALIBRATION_BINS).astype(int), _CALIBRATION_BINS - 1)
+    counts = np.bincount(bins, minlength=_CALIBRATION_BINS)
+    filled = np.flatnonzero(counts)
+    predicted = (np.bincount(bins, scores, _CALIBRATION_BINS) / np.maximum(counts, 1))[filled]
+    observed = (np.bincount(bins, true, _CALIBRATION_BINS) / np.maximum(counts, 1))[filled]
+    figure = _figure(4.5, 4.5)
+    axes = figure.add_subplot(xlabel='score', ylabel='share of true closures', aspect='equal')
+    axes.plot([0, 1], [0, 1], color='#999999', linewidth=1)
+    axes.plot(predicted, observed, marker='o', color=_COLOURS[Verdict.TRUE])
+    for x, y, count in zip(predicted, observed, counts[filled], strict=True):
+        axes.annotate(str(count), (x, y), xytext=(4, -10), textcoords='offset points', fontsize=7)
+    figure.savefig(file)
 
 
 def _figure(width: float, height: float) -> Any:

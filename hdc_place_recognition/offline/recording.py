@@ -61,6 +61,15 @@ class Recording:
                 row[image_of_row[: len(detection.similarities)]] = detection.similarities
         return matrix
 
+    def score_matrix(self) -> NDArray[np.float32]:
+        """Return (q, n) float32, the score of each candidate, NOT_FOUND for what is none."""
+        matrix = np.full(self.eligible.shape, NOT_FOUND, np.float32)
+        image_of_row = self.image_of_row
+        for row, detection in zip(matrix, self.detections, strict=True):
+            for candidate in detection.candidates:
+                row[image_of_row[candidate.match_id]] = candidate.score
+        return matrix
+
     def cells(self, *, accepted_only: bool = False) -> list[tuple[int, int]]:
         """
         Return where each candidate is in the matrix: query and database image.

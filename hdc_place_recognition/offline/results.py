@@ -22,6 +22,9 @@ CANDIDATE_COLUMNS = (
     'score',
     'inliers',
     'accepted',
+    'reason',
+    'shift_x',
+    'shift_y',
     'truth',
 )
 CURVE_COLUMNS = ('curve', 'threshold', 'precision', 'recall')
@@ -70,6 +73,9 @@ def _candidate_rows(evaluation: Evaluation) -> Iterable[Sequence[object]]:
             each.score,
             each.inliers,
             int(each.accepted),
+            each.reason.value,
+            each.shift_x,
+            each.shift_y,
             verdict.value if verdict else '',
         )
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hdc_place_recognition.core.detection import Candidate
+from hdc_place_recognition.core.detection import Candidate, Reason
 from hdc_place_recognition.odometry import Position
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ _FORMATS = {
     'score': 'f4',
     'inliers': 'i4',
     'accepted': 'u1',
+    'shift_x': 'f4',
+    'shift_y': 'f4',
+    'reason': 'u1',
 }
 _DATATYPES = {
     'f4': PointField.FLOAT32,
@@ -40,6 +43,8 @@ _DATATYPES = {
     'u4': PointField.UINT32,
     'u1': PointField.UINT8,
 }
+# Of the field reason: 0 for accepted, and so on in the order of the enumeration.
+REASONS = tuple(Reason)
 # Fields of four bytes on their boundaries, also from one point to the next.
 CANDIDATE_DTYPE = np.dtype(
     {
@@ -113,6 +118,9 @@ def read_candidates(message: PointCloud2) -> list[PublishedCandidate]:
                 score=float(row['score']),
                 inliers=int(row['inliers']),
                 accepted=bool(row['accepted']),
+                reason=REASONS[row['reason']],
+                shift_x=float(row['shift_x']),
+                shift_y=float(row['shift_y']),
             ),
             (float(row['x']), float(row['y']), float(row['z'])),
         )
@@ -131,4 +139,7 @@ def _row(published: PublishedCandidate) -> tuple[float, ...]:
         candidate.score,
         candidate.inliers,
         candidate.accepted,
+        candidate.shift_x,
+        candidate.shift_y,
+        REASONS.index(candidate.reason),
     )

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 import math
 
-from hdc_place_recognition.core.detection import Detection, Status
+from hdc_place_recognition.core.detection import Detection, Reason, Status
 
 _PASSED_OVER = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
 # Weight of the newest image in the running means of milliseconds.
@@ -30,6 +30,7 @@ class Statistics:
     failed: int = 0
     passed_over: Counter[Status] = field(default_factory=Counter)
     accepted: int = 0
+    reasons: Counter[Reason] = field(default_factory=Counter)
     last_status: str = 'waiting for the first image'
     last_error: str = ''
     best_similarity: float = math.nan
@@ -42,10 +43,11 @@ class Statistics:
             return False
         self.processed += 1
         self.accepted += len(detection.accepted)
-        self.last_status = detection.status.value
+        self.last_status = explain(detection)
         if detection.candidates:
+            self.reasons[detection.candidates[0].reason] += 1
             self.best_similarity = max(
-                detection.candidates[0].similarity,
+                *(candidate.similarity for candidate in detection.candidates),
                 -1.0 if math.isnan(self.best_similarity) else self.best_similarity,
             )
         for stage, spent in detection.milliseconds.items():
@@ -68,6 +70,7 @@ class Statistics:
             'images refused': self.failed,
             **{f'images {status.value}': self.passed_over[status] for status in _PASSED_OVER},
             'loop closures': self.accepted,
+            **{f'best candidate {reason.value}': self.reasons[reason] for reason in Reason},
         }
         # A copy: the worker's thread may add a stage meanwhile.
         stages = {f'ms {name}': f'{spent:.2f}' for name, spent in dict(self.milliseconds).items()}
@@ -78,3 +81,10 @@ class Statistics:
             'last error': self.last_error,
             'best similarity so far': f'{self.best_similarity:.3f}',
         }
+
+
+def explain(detection: Detection) -> str:
+    """Return what became of an image and why its best candidate was not accepted."""
+    if detection.accepted or not detection.candidates:
+        return detection.status.value
+    return f'{detection.status.value}: {detection.candidates[0].reason.value}'

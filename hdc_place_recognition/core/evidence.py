@@ -1,0 +1,90 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What speaks for a candidate and against it, in one number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdc_place_recognition.core.verification import Geometry
+import numpy as np
+from numpy.typing import NDArray
+
+# A similarity this many robust deviations above the row's median is as distinct as can be.
+_DEVIATIONS = 8.0
+_LEAST_DEVIATION = 0.02
+_MAD_TO_DEVIATION = 1.4826
+_ROWS_FOR_DISTRIBUTION = 8
+_LEAST = 0.05
+# Of the 16 cells; a scene that was recognised fills half of them.
+_FULL_SPREAD = 8
+# Inliers in fewer cells are one object or one line, which may stand anywhere.
+LEAST_SPREAD = 3
+LEAST_INLIERS = 12
+LEAST_DISTINCTNESS = 0.5
+# At the first and last rows there are no neighbours that could fit better.
+_EDGE_ROWS = 2
+_EDGE_PENALTY = 1.0
+_DISTINCTNESS_WEIGHT = 0.75
+_SUPPORT_BONUS = 0.8
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """
+    What is known of one candidate.
+
+    :param similarity: centred cosine, -1 to 1.
+    :param distinctness: how far it stands out from the row, 0.05 to 1.
+    :param at_edge: whether it is one of the first or last rows that were searched.
+    :param support: by the images before, 0 to 1.
+    :param geometry: None if it was not verified.
+    """
+
+    similarity: float
+    distinctness: float
+    at_edge: bool
+    support: float
+    geometry: Geometry | None
+
+    @property
+    def strength(self) -> float:
+        """
+        Return the evidence of this image alone: a sum of logarithms that rises with each part.
+
+        Few parts with fixed weights: what was fitted freely leant on similarity, and failed on
+        the next set. Inliers without spread are no evidence at all.
+        """
+        geometry = self.geometry
+        if geometry is None:
+            return float(np.log(self.distinctness) + np.log(max(self.similarity, _LEAST)))
+        agreement = np.log1p(min(geometry.votes, geometry.inliers))
+        filled = np.log(np.clip(geometry.spread, 1, _FULL_SPREAD) / _FULL_SPREAD)
+        edge = _EDGE_PENALTY * self.at_edge
+        distinct = _DISTINCTNESS_WEIGHT * np.log(self.distinctness)
+        strength = float(agreement + distinct + filled - edge)
+        return strength if geometry.spread >= LEAST_SPREAD else min(strength, 0.0)
+
+    @property
+    def total(self) -> float:
+        """Return the evidence with the support of the images before."""
+        return self.strength + _SUPPORT_BONUS * self.support
+
+
+def distinctness(similarities: NDArray[np.float32], row: int) -> float:
+    """
+    Return how far one similarity stands out from all of a query, 0.05 to 1.
+
+    :param similarities: (n,); where they are too few for a distribution, their own value counts.
+    """
+    value = float(similarities[row])
+    if len(similarities) >= _ROWS_FOR_DISTRIBUTION:
+        median = float(np.median(similarities))
+        deviation = _MAD_TO_DEVIATION * float(np.median(np.abs(similarities - median)))
+        value = (value - median) / (deviation + _LEAST_DEVIATION) / _DEVIATIONS
+    return float(np.clip(value, _LEAST, 1.0))
+
+
+def at_edge(row: int, rows: int) -> bool:
+    """Return whether a row is one of the first or last of those searched, if they are many."""
+    return rows >= _ROWS_FOR_DISTRIBUTION and not _EDGE_ROWS <= row < rows - _EDGE_ROWS
