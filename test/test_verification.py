@@ -34,9 +34,9 @@ def landmarks(image: NDArray[np.uint8]) -> Landmarks:
 def view(far: int, near: int) -> Landmarks:
     """Return a camera moved sideways: the lower half is nearer and moves by more pixels."""
     image = scene(1)
-    upper = image[: HEIGHT // 2, far : far + WIDTH]
-    lower = image[HEIGHT // 2 :, near : near + WIDTH]
-    return landmarks(np.ascontiguousarray(np.vstack([upper, lower])))
+    upper, lower = np.vsplit(image, 2)
+    moved = [np.roll(part, -by, axis=1)[:, :WIDTH] for part, by in ((upper, far), (lower, near))]
+    return landmarks(np.vstack(moved))
 
 
 def test_two_views_of_known_geometry_are_verified():

@@ -33,5 +33,5 @@ class Calibration:
         return float(self.centre + np.log(inside / (1 - inside)) / self.slope)
 
 
-VERIFIED = Calibration(slope=2.37, centre=0.75)
+VERIFIED = Calibration(slope=2.26, centre=0.51)
 UNVERIFIED = Calibration(slope=2.17, centre=-2.53)

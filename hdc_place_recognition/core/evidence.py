@@ -18,14 +18,15 @@ _ROWS_FOR_DISTRIBUTION = 8
 _LEAST = 0.05
 # Of the 16 cells; a scene that was recognised fills half of them.
 _FULL_SPREAD = 8
-# Inliers in fewer cells are one object or one line, which may stand anywhere.
-LEAST_SPREAD = 3
+# Inliers in fewer cells are one door or one poster, which may hang anywhere.
+LEAST_SPREAD = 5
 LEAST_INLIERS = 12
 LEAST_DISTINCTNESS = 0.5
 # At the first and last rows there are no neighbours that could fit better.
 _EDGE_ROWS = 2
 _EDGE_PENALTY = 1.0
 _DISTINCTNESS_WEIGHT = 0.75
+_SPREAD_WEIGHT = 1.5
 _SUPPORT_BONUS = 0.8
 
 
@@ -59,7 +60,7 @@ class Evidence:
         if geometry is None:
             return float(np.log(self.distinctness) + np.log(max(self.similarity, _LEAST)))
         agreement = np.log1p(min(geometry.votes, geometry.inliers))
-        filled = np.log(np.clip(geometry.spread, 1, _FULL_SPREAD) / _FULL_SPREAD)
+        filled = _SPREAD_WEIGHT * np.log(np.clip(geometry.spread, 1, _FULL_SPREAD) / _FULL_SPREAD)
         edge = _EDGE_PENALTY * self.at_edge
         distinct = _DISTINCTNESS_WEIGHT * np.log(self.distinctness)
         strength = float(agreement + distinct + filled - edge)

@@ -43,7 +43,7 @@ class Extractor(Protocol):
 
     @property
     def identity(self) -> str:
-        """Return method, settings and weights in words: equal words, comparable features."""
+        """Return method, settings and weights in words: equal words, comparable descriptors."""
 
     def extract(self, image: NDArray[np.uint8]) -> LocalFeatures:
         """

@@ -4,10 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from hdc_place_recognition.core import calibration
 from hdc_place_recognition.core.consistency import Consistency
 from hdc_place_recognition.core.database import Answer, Database
 from hdc_place_recognition.core.detection import Candidate, Description, NOT_VERIFIED, Reason
@@ -19,24 +17,12 @@ from hdc_place_recognition.core.evidence import (
     LEAST_INLIERS,
     LEAST_SPREAD,
 )
+from hdc_place_recognition.core.hypotheses import best_of, certainty, Hypothesis, rank
 from hdc_place_recognition.core.proposals import neighbours, propose
 from hdc_place_recognition.core.verification import verify
 from hdc_place_recognition.params import Params
 import numpy as np
 from numpy.typing import NDArray
-
-# A neighbour of the best row is as good if its geometry is nearly as strong.
-_AS_GOOD = 0.7
-
-
-@dataclass(frozen=True)
-class _Looked:
-    """A row, what speaks for it, and the probability that it is a true closure."""
-
-    row: int
-    evidence: Evidence
-    score: float = 0.0
-    elsewhere: bool = False
 
 
 class Judge:
@@ -72,13 +58,14 @@ class Judge:
         verified = rows if description.landmarks is None else rows[: params.verify_top_k]
         looked = [look.at(row) for row in verified]
         if description.landmarks is not None:
-            near = neighbours(_best(looked).row, len(answer.similarities))
+            near = neighbours(best_of(looked).row, len(answer.similarities))
             looked += [look.at(row) for row in near if row not in (*verified, skip_id)]
-        best = _best(looked)
+        best = best_of(looked)
         if description.moved and description.landmarks is not None:
-            self.consistency.remember(best.row, best.evidence.strength)
-        judged = _score(looked, best)
-        judged += [_Looked(row, look.evidence(row)) for row in rows[len(verified) :]]
+            self.consistency.remember(best.row, certainty(looked, best))
+        others = [row for row in rows if row not in verified]
+        judged = rank(looked, best)
+        judged += [Hypothesis(row, look.evidence(row)) for row in others]
         return tuple(
             self._candidate(each, description, answer, database, params)
             for each in judged[: params.top_k]
@@ -86,7 +73,7 @@ class Judge:
 
     def _candidate(
         self,
-        looked: _Looked,
+        looked: Hypothesis,
         description: Description,
         answer: Answer,
         database: Database,
@@ -120,9 +107,9 @@ class _Look:
     database: Database
     consistency: Consistency
 
-    def at(self, row: int) -> _Looked:
+    def at(self, row: int) -> Hypothesis:
         """Return the row with all that can be known."""
-        return _Looked(row, self.evidence(row, verified=True))
+        return Hypothesis(row, self.evidence(row, verified=True))
 
     def evidence(self, row: int, *, verified: bool = False) -> Evidence:
         """Return what similarity and time say of a row and, if wanted, geometry."""
@@ -140,44 +127,7 @@ class _Look:
         )
 
 
-def _best(looked: Iterable[_Looked]) -> _Looked:
-    return max(looked, key=lambda each: each.evidence.total)
-
-
-def _score(looked: Iterable[_Looked], best: _Looked) -> list[_Looked]:
-    """
-    Return rows with their scores, best first.
-
-    An image shows one place: another one can be true only as far as the best is not. A strong
-    second place is the same scene from elsewhere, and a closure there would bend the map.
-    """
-    most = _probability(best.evidence)
-    scored = []
-    for each in looked:
-        own = _probability(each.evidence)
-        elsewhere = not _same_place(each, best)
-        score = min(own, 1 - most) if elsewhere else own
-        scored.append(_Looked(each.row, each.evidence, score, elsewhere and score < own))
-    return sorted(scored, key=lambda each: (-each.score, -each.evidence.similarity))
-
-
-def _probability(evidence: Evidence) -> float:
-    verified = evidence.geometry is not None
-    table = calibration.VERIFIED if verified else calibration.UNVERIFIED
-    return table.score(evidence.total)
-
-
-def _same_place(looked: _Looked, best: _Looked) -> bool:
-    """Return whether a row is the best one, or next to it and nearly as good."""
-    if looked.row == best.row:
-        return True
-    geometry, strongest = looked.evidence.geometry, best.evidence.geometry
-    if geometry is None or strongest is None or abs(looked.row - best.row) > 1:
-        return False
-    return geometry.strength >= _AS_GOOD * strongest.strength
-
-
-def _reason(looked: _Looked, description: Description) -> Reason:
+def _reason(looked: Hypothesis, description: Description) -> Reason:
     """Return the first of the reasons why a row is not accepted."""
     evidence, geometry = looked.evidence, looked.evidence.geometry
     if looked.elsewhere:

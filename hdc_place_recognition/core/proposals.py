@@ -22,15 +22,15 @@ def propose(similarities: NDArray[np.float32], count: int, skip_id: int | None) 
     :param skip_id: a row that is none.
     """
     left = similarities.astype(np.float32, copy=True)
-    if skip_id is not None:
-        left[skip_id : skip_id + 1] = -np.inf
+    if skip_id is not None and skip_id < len(left):
+        left[skip_id] = -np.inf
     rows: list[int] = []
     while len(rows) < min(count, len(left)):
         row = int(np.argmax(left))
         if left[row] == -np.inf:
             break
         rows.append(row)
-        left[max(row - _RADIUS, 0) : row + _RADIUS + 1] = -np.inf
+        left[np.abs(np.arange(len(left)) - row) <= _RADIUS] = -np.inf
     return rows
 
 

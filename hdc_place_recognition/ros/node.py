@@ -27,6 +27,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 _WARN_PERIOD_S = 5.0
+_SAY_WHY_S = 10.0
 _ODOMETRY_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -113,6 +114,8 @@ class PlaceRecognitionNode(Node):
         if detection.accepted:
             self._closures.publish(candidates_message(header, self._located(detection.accepted)))
             self.get_logger().info(closure_line(detection))
+        else:
+            self.get_logger().info(self.statistics.last_status, throttle_duration_sec=_SAY_WHY_S)
 
     def _located(self, candidates: Sequence[Candidate]) -> list[PublishedCandidate]:
         return [
@@ -138,7 +141,7 @@ def closure_line(detection: Detection) -> str:
     return (
         f'loop closure: {_seconds(best.query_stamp_ns)} is the place of '
         f'{_seconds(best.match_stamp_ns)}, {ago_s:.1f} s ago (image {best.match_id}), '
-        f'similarity {best.similarity:.2f}{f", and {more} more" if more else ""}'
+        f'score {best.score:.2f}{f", and {more} more" if more else ""}'
     )
 
 
