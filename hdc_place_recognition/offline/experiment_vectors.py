@@ -83,8 +83,7 @@ def run_vectors(arguments: argparse.Namespace) -> str:
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
-    base = from_arguments(arguments)
-    base = base.replace(**{k: v for k, v in _ALL_PAIRS.items() if k in base.to_dict()})
+    base = from_arguments(arguments).replace(**_ALL_PAIRS)
     if arguments.seeds < 1:
         raise PlaceRecognitionError(f'--seeds {arguments.seeds}: must be 1 or more')
     chosen = arguments.variants or [variant.name for variant in VARIANTS]

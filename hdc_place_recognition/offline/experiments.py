@@ -10,8 +10,10 @@ import logging
 import sys
 
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.offline.calibrate import add_calibrate
 from hdc_place_recognition.offline.experiment_shift import add_shift
 from hdc_place_recognition.offline.experiment_vectors import add_vectors
+from hdc_place_recognition.offline.trust import add_trust
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,9 +38,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     """Return the parser; each experiment sets `run`, which returns the text to print."""
     parser = argparse.ArgumentParser(
-        prog='hdc_experiments', allow_abbrev=False, description=__doc__
+        prog='hdc_experiments',
+        allow_abbrev=False,
+        description='Repeat the measurements by which the package was made what it is.',
     )
     subparsers = parser.add_subparsers(dest='experiment', required=True, metavar='EXPERIMENT')
     add_vectors(subparsers)
     add_shift(subparsers)
+    add_calibrate(subparsers)
+    add_trust(subparsers)
     return parser
