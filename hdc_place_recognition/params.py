@@ -124,7 +124,7 @@ class Params:
     )
     exclude_recent_s: float = _param(
         15.0,
-        'Images younger than this are not candidates.',
+        'Images younger than this are not candidates; time standing still does not count.',
         unit='s',
         low=0.0,
         high=86400.0,

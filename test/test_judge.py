@@ -136,6 +136,14 @@ def test_standing_still_adds_little_and_confirms_nothing():
     assert later[-1].accepted and later[-1].accepted[0].match_id == 0
 
 
+def test_what_was_seen_just_before_a_stop_is_no_closure():
+    # The views of a wall overlap: those before the stop show what is seen all the time.
+    one = recognizer()
+    detections = drive(street([*range(4), *[4] * 60]), one)
+    assert len(one.database) == 5
+    assert not any(found.accepted for found in detections)
+
+
 def test_all_images_are_stored_if_wanted():
     one = recognizer(verify=False, keyframe_similarity=1.0)
     drive([texture(7)] * 20, one)

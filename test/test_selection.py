@@ -51,3 +51,23 @@ def test_restart_takes_any_stamp():
     selector.restart()
     assert selector.admit(START, 0) is None
     assert selector.clock_ns == 0
+
+
+def test_clock_stands_still_with_the_robot():
+    selector = StampSelector()
+    for second in range(600):
+        selector.admit(second * 1000 * MS, 0)
+        selector.note_motion(second == 0)
+    # Two seconds of rest count, as for a robot that only moves slowly.
+    assert selector.clock_ns == 2000 * MS
+    selector.admit(600_000 * MS, 0)
+    selector.note_motion(True)
+    assert selector.clock_ns == 3000 * MS
+
+
+def test_clock_goes_on_with_a_slow_robot():
+    selector = StampSelector()
+    for step in range(101):
+        selector.admit(step * 500 * MS, 0)
+        selector.note_motion(step % 4 == 0)
+    assert selector.clock_ns == 50_000 * MS

@@ -134,11 +134,6 @@ class Database:
         similarities = np.take_along_axis(cosine, best[:, None], axis=1)[:, 0]
         return Answer(np.clip(similarities, -1, 1).astype(np.float32), best)
 
-    def stay(self, clock_ns: int) -> None:
-        """Let the newest row be as new as an image that shows the same."""
-        if self._clock_ns:
-            self._clock_ns[-1] = clock_ns
-
     def add(
         self, stamp_ns: int, clock_ns: int, query: Hypervector, landmarks: Landmarks | None = None
     ) -> int:

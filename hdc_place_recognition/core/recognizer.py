@@ -80,6 +80,7 @@ class PlaceRecognizer:
         if skipped is not None:
             return Detection(stamp_ns, skipped)
         description = self.describe(stamp_ns, image)
+        self._selector.note_motion(description.moved)
         detection = self.recognize(description, rows=self._old_enough())
         watch = Stopwatch(detection.milliseconds)
         with watch.stage('insert'):
@@ -142,17 +143,15 @@ class PlaceRecognizer:
         """
         Store an image and return its row.
 
-        :return: None where there is nothing to recognise it by, or nothing new to be seen: the
-            last keyframe stays as young as the image then.
+        :return: None where there is nothing to recognise it by, or nothing new to be seen.
         """
-        if description.empty:
-            return None
-        clock_ns = self._selector.clock_ns
-        if not description.moved:
-            self.database.stay(clock_ns)
+        if description.empty or not description.moved:
             return None
         return self.database.add(
-            description.stamp_ns, clock_ns, description.query, description.landmarks
+            description.stamp_ns,
+            self._selector.clock_ns,
+            description.query,
+            description.landmarks,
         )
 
     def start_sequence(self) -> None:

@@ -9,6 +9,8 @@ from hdc_place_recognition.core.detection import Status
 # An image this much older than the last one is late; one older still means that the clock was
 # set back, as when a simulation or a bag starts again.
 CLOCK_RESET_NS = 1_000_000_000
+# Standing still for longer than this does not count as time.
+_REST_NS = 2_000_000_000
 
 
 class StampSelector:
@@ -16,12 +18,15 @@ class StampSelector:
     Passes over images that come too soon, and keeps a clock that never goes back.
 
     The clock follows the stamps, and stands still where they were set back: what was seen before
-    stays older than what comes after.
+    stays older than what comes after. It also stands still with the robot: otherwise what was
+    seen just before it stopped would soon be old enough to be a loop closure.
     """
 
     def __init__(self) -> None:
         self.clock_ns = 0
         self._last_ns: int | None = None
+        self._step_ns = 0
+        self._still_ns = 0
 
     def admit(self, stamp_ns: int, min_interval_ns: int) -> Status | None:
         """
@@ -38,9 +43,19 @@ class StampSelector:
                 return Status.STAMP_OUT_OF_ORDER
             if step < min_interval_ns:
                 return Status.TOO_SOON
-        self.clock_ns += max(step or 0, 0)
+        self._step_ns = max(step or 0, 0)
+        self.clock_ns += self._step_ns
         self._last_ns = stamp_ns
         return None
+
+    def note_motion(self, moved: bool) -> None:
+        """
+        Take back the time of the image just admitted if the robot has been standing long.
+
+        :param moved: whether the image shows something new.
+        """
+        self._still_ns = 0 if moved else self._still_ns + self._step_ns
+        self.clock_ns -= min(max(self._still_ns - _REST_NS, 0), self._step_ns)
 
     def restart(self) -> None:
         """Take the next image's stamp as it comes: another traverse begins."""
