@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hdc_place_recognition.core.detection import Candidate
+from hdc_place_recognition.core.detection import Candidate, Reason
 from hdc_place_recognition.demo.route import Route
 from hdc_place_recognition.offline.poses import Poses
 import numpy as np
@@ -31,7 +31,7 @@ def drive(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def closure(query_ns: int, match_ns: int) -> Candidate:
-    return Candidate(query_ns, match_ns, 0, 0.9, 0.9, -1, True)
+    return Candidate(query_ns, match_ns, 0, 0.9, 0.99, 50, True, Reason.ACCEPTED, 0.0, 0.0)
 
 
 def test_right_and_wrong_closures_are_told_apart(drive):

@@ -100,7 +100,7 @@ class Player(Node):
         x, y, _ = published[0].position
         print(
             f'loop closure: seen {ago_s:5.1f} s ago, at x {x:6.1f} m, y {y:6.1f} m, '
-            f'similarity {best.similarity:.2f}',
+            f'probability {best.score:.2f}',
             flush=True,
         )
 
