@@ -25,6 +25,7 @@ _TYPES = {IMAGE_TOPIC: Image, ODOMETRY_TOPIC: Odometry}
 _DISCOVERY_S = 30.0
 # How long to wait for the answer to an image before the next one is shown.
 _PATIENCE_S = 5.0
+_LAST_WORDS_S = 0.5
 
 
 class Player(Node):
@@ -77,16 +78,19 @@ class Player(Node):
         for topic, raw, sent_ns in messages:
             self._outputs[topic].publish(raw)
             if topic == IMAGE_TOPIC:
-                self._wait_for_answer(sent_ns)
+                self._listen(_PATIENCE_S, until_ns=sent_ns)
+        # The closures of the last image come after its answer.
+        self._listen(_LAST_WORDS_S)
 
     def _connected(self) -> bool:
         outputs = all(output.get_subscription_count() for output in self._outputs.values())
         inputs = (self._answers, self._closures)
         return outputs and all(self.count_publishers(each.topic_name) for each in inputs)
 
-    def _wait_for_answer(self, sent_ns: int) -> None:
-        end = time.monotonic() + _PATIENCE_S
-        while time.monotonic() < end and self.answered_ns[-1:] != [sent_ns]:
+    def _listen(self, seconds: float, until_ns: int | None = None) -> None:
+        """Listen for a time, but no longer than until the image of a stamp is answered."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and (until_ns is None or self.answered_ns[-1:] != [until_ns]):
             rclpy.spin_once(self, timeout_sec=0.1)
 
     def _on_answer(self, message: PointCloud2) -> None:
