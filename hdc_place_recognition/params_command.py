@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-import sys
 
-from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.border import run_command
 from hdc_place_recognition.params_io import (
     add_arguments,
     dump_yaml,
@@ -29,10 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     form.add_argument('--markdown', action='store_true', help='as a table')
     add_arguments(parser)
     arguments = parser.parse_args(argv)
-    try:
+
+    def work() -> int:
         text = markdown_table() if arguments.markdown else dump_yaml(from_arguments(arguments))
-    except PlaceRecognitionError as error:
-        print(f'hdc_params: {error}', file=sys.stderr)
-        return 2
-    print(text, end='')
-    return 0
+        print(text, end='')
+        return 0
+
+    return run_command('hdc_params', work)

@@ -15,7 +15,7 @@ ALLOWED = {
     'core': {'errors', 'params'},
     'features': {'core', 'errors'},
     'ros': {*SHARED, 'core', 'pipeline', 'params_io', 'odometry'},
-    'offline': {*SHARED, 'core', 'pipeline', 'params_io', 'features'},
+    'offline': {*SHARED, 'border', 'core', 'pipeline', 'params_io', 'features'},
 }
 OF_ROS = {'rclpy', 'rcl_interfaces', 'sensor_msgs', 'nav_msgs', 'std_msgs', 'diagnostic_msgs'}
 

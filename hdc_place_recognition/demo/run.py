@@ -13,10 +13,10 @@ import shutil
 import subprocess
 import sys
 
+from hdc_place_recognition.border import run_command
 from hdc_place_recognition.demo.bag import IMAGE_TOPIC, ODOMETRY_TOPIC, write_bag
 from hdc_place_recognition.demo.play import Player, raw_messages
 from hdc_place_recognition.demo.score import score
-from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.closures import Closures
 from hdc_place_recognition.params_io import NODE_NAME
 import rclpy
@@ -36,12 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('--render-only', action='store_true', help='only write the bag')
     arguments = parser.parse_args(argv)
-    try:
+
+    def work() -> int:
         render(arguments.bag)
         return 0 if arguments.render_only else run(arguments.bag)
-    except PlaceRecognitionError as error:
-        print(f'hdc_demo: {error}', file=sys.stderr)
-        return 2
+
+    return run_command('hdc_demo', work)
 
 
 def render(bag: Path) -> None:

@@ -11,6 +11,7 @@ import logging
 from pathlib import Path
 import sys
 
+from hdc_place_recognition.border import run_command
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Dataset
 from hdc_place_recognition.offline.evaluate import evaluate, Evaluation, without_progress
@@ -34,16 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     :param argv: arguments of the command line, those of the process by default.
     :return: exit code; 2 if the input or a parameter is bad.
     """
-    logging.basicConfig(level=logging.INFO, format='%(message)s', stream=sys.stderr)
     arguments = _parser().parse_args(argv)
-    try:
-        _run(arguments)
-    except (PlaceRecognitionError, OSError) as error:
-        print(f'hdc_evaluate: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    return 0
+    return run_command('hdc_evaluate', lambda: _run(arguments))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -121,7 +114,7 @@ def _add_results(group: argparse._ArgumentGroup) -> None:
     group.add_argument('--plot', action='store_true', help='draw pictures into the results too')
 
 
-def _run(arguments: argparse.Namespace) -> None:
+def _run(arguments: argparse.Namespace) -> int:
     params = from_arguments(arguments)
     if arguments.plot:
         require_matplotlib()
@@ -141,6 +134,8 @@ def _run(arguments: argparse.Namespace) -> None:
         print(json.dumps(results if len(results) > 1 else results[0], indent=2))
     elif len(evaluations) > 1:
         print(summary(evaluations))
+
+    return 0
 
 
 def _evaluate(dataset: Dataset, params: Params) -> Evaluation:

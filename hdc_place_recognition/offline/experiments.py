@@ -6,10 +6,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-import logging
-import sys
 
-from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.border import run_command
 from hdc_place_recognition.offline.calibrate import add_calibrate
 from hdc_place_recognition.offline.experiment_shift import add_shift
 from hdc_place_recognition.offline.experiment_vectors import add_vectors
@@ -23,16 +21,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     :param argv: arguments of the command line, those of the process by default.
     :return: exit code; 2 if the input or a parameter is bad.
     """
-    logging.basicConfig(level=logging.INFO, format='%(message)s', stream=sys.stderr)
     arguments = _parser().parse_args(argv)
-    try:
+
+    def work() -> int:
         print(arguments.run(arguments))
-    except (PlaceRecognitionError, OSError) as error:
-        print(f'hdc_experiments {arguments.experiment}: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    return 0
+        return 0
+
+    return run_command(f'hdc_experiments {arguments.experiment}', work)
 
 
 def _parser() -> argparse.ArgumentParser:
