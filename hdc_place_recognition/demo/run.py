@@ -49,10 +49,13 @@ def render(bag: Path) -> None:
     if bag.exists():
         return
     print(f'rendering a drive round the block, and round it again -> {bag}', flush=True)
-    unfinished = bag.with_name(bag.name + '.unfinished')
-    shutil.rmtree(unfinished, ignore_errors=True)
-    write_bag(unfinished)
-    unfinished.rename(bag)
+    scratch = bag.with_name(bag.name + '.unfinished')
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    # Under its own name already: the files in a bag are called after it.
+    write_bag(scratch / bag.name)
+    (scratch / bag.name).rename(bag)
+    scratch.rmdir()
 
 
 def run(bag: Path) -> int:
