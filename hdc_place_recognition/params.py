@@ -114,6 +114,12 @@ class Params:
     center_database: bool = _param(
         True, 'Subtract the running mean of the images seen so far before comparing.'
     )
+    exact: bool = _param(
+        False,
+        'Compare with every image however many they are, rather than in large databases only '
+        'with those that the signs of the hypervectors put first.',
+        live=True,
+    )
     min_interval_s: float = _param(
         0.2,
         'Images nearer than this to the last one processed, by stamp, are passed over.',

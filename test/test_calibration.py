@@ -53,9 +53,9 @@ def test_distinctness_stands_out_from_the_row():
     noise = np.tile(np.array([0.0, 0.1, 0.2], np.float32), 10)
     row = np.append(noise, np.float32(0.9))
     # Median 0.1, deviation 1.4826 * 0.1 + 0.02.
-    assert distinctness(row, 30) == pytest.approx(0.8 / 0.16826 / 8, rel=1e-4)
-    assert distinctness(row, 0) == 0.05
-    assert distinctness(row[-3:], 2) == pytest.approx(0.9)
+    assert distinctness(float(row[30]), row) == pytest.approx(0.8 / 0.16826 / 8, rel=1e-4)
+    assert distinctness(float(row[0]), row) == 0.05
+    assert distinctness(float(row[-1]), row[-3:]) == pytest.approx(0.9)
 
 
 def test_edges_are_the_first_and_last_two_of_many():

@@ -52,6 +52,7 @@ def test_the_core_knows_numpy_and_opencv_only():
         outside = {name.split('.')[0] for name in imports(path)} - {PACKAGE}
         stdlib = {
             '__future__',
+            'array',
             'bisect',
             'collections',
             'contextlib',

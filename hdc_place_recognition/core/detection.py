@@ -97,7 +97,9 @@ class Detection:
     The answer to one image.
 
     :param candidates: best first, accepted or not; none where the status says why.
-    :param similarities: (n,) float32, to the first n rows of the database: those old enough.
+    :param similarities: (n,) float32, to the first n rows of the database: those old enough. In
+        a large database those of rows far below the candidates are estimates, unless the
+        parameter `exact` is set.
     :param keyframe_id: the row under which the image was stored, None if it was not.
     :param milliseconds: spent in extract, encode, query, verify and insert.
     """

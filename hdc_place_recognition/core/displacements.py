@@ -53,6 +53,20 @@ class Displacements:
         """Return the index of the displacement by nothing."""
         return self.count_x * self.count_y // 2
 
+    @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """
+        Return indices of displacements in blocks of 3 x 3 that overlap by one.
+
+        A bundle of a block is about as similar to what any of its parts is similar to.
+        """
+        index = np.arange(self.count_x * self.count_y).reshape(self.count_y, self.count_x)
+        return tuple(
+            tuple(index[top : top + 3, left : left + 3].ravel().tolist())
+            for top in range(0, max(self.count_y - 2, 1), 2)
+            for left in range(0, max(self.count_x - 2, 1), 2)
+        )
+
 
 def _symmetric(count: int, step: float) -> NDArray[np.float32]:
     return ((np.arange(count) - count // 2) * step).astype(np.float32)

@@ -72,13 +72,12 @@ class Evidence:
         return self.strength + _SUPPORT_BONUS * self.support
 
 
-def distinctness(similarities: NDArray[np.float32], row: int) -> float:
+def distinctness(value: float, similarities: NDArray[np.float32]) -> float:
     """
-    Return how far one similarity stands out from all of a query, 0.05 to 1.
+    Return how far a similarity stands out from those of a query, 0.05 to 1.
 
-    :param similarities: (n,); where they are too few for a distribution, their own value counts.
+    :param similarities: (n,); where they are too few for a distribution, the value itself counts.
     """
-    value = float(similarities[row])
     if len(similarities) >= _ROWS_FOR_DISTRIBUTION:
         median = float(np.median(similarities))
         deviation = _MAD_TO_DEVIATION * float(np.median(np.abs(similarities - median)))

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hdc_place_recognition.core.consistency import Consistency
-from hdc_place_recognition.core.database import Answer, Database
+from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.detection import Candidate, Description, NOT_VERIFIED, Reason
 from hdc_place_recognition.core.evidence import (
     at_edge,
@@ -19,6 +19,7 @@ from hdc_place_recognition.core.evidence import (
 )
 from hdc_place_recognition.core.hypotheses import best_of, certainty, Hypothesis, rank
 from hdc_place_recognition.core.proposals import neighbours, propose
+from hdc_place_recognition.core.search import Answer
 from hdc_place_recognition.core.verification import verify
 from hdc_place_recognition.params import Params
 import numpy as np
@@ -120,7 +121,7 @@ class _Look:
             geometry = verify(query, earlier)
         return Evidence(
             similarity=float(similarities[row]),
-            distinctness=distinctness(similarities, row),
+            distinctness=distinctness(float(similarities[row]), self.answer.background),
             at_edge=at_edge(row, len(similarities)),
             support=self.consistency.support(row, self.description.moved),
             geometry=geometry,

@@ -44,6 +44,7 @@ class PlaceRecognizer:
             len(displacements.offsets),
             params.center_database,
             extractor.identity,
+            displacements.groups,
         )
         self._extractor, self._keypoints = extractor, keypoints
         self._encoder = DescriptorEncoder(
@@ -123,7 +124,7 @@ class PlaceRecognizer:
         """
         watch = Stopwatch(description.milliseconds)
         with watch.stage('query'):
-            answer = self.database.ask(description.query, rows)
+            answer = self.database.ask(description.query, rows, exact=self.params.exact)
         candidates: tuple[Candidate, ...] = ()
         if not description.empty:
             with watch.stage('query' if description.landmarks is None else 'verify'):

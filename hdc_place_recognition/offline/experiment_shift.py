@@ -133,7 +133,8 @@ def estimate(
         description = recognizer.describe(stamp_ns, image)
         row = rows[index] if index < len(rows) else None
         if index in measured and row is not None and not description.empty:
-            best = recognizer.database.ask(description.query).displacements[row]
+            answer = recognizer.database.ask(description.query, exact=True)
+            best = answer.displacements[row]
             # Displaced back over the reference: the shift is the opposite.
             shifts.append(-offsets[best])
             shares.append(np.multiply(measured[index], (1, image.shape[1] / image.shape[0])))
