@@ -61,11 +61,17 @@ class Displacements:
         A bundle of a block is about as similar to what any of its parts is similar to.
         """
         index = np.arange(self.count_x * self.count_y).reshape(self.count_y, self.count_x)
-        return tuple(
-            tuple(index[top : top + 3, left : left + 3].ravel().tolist())
-            for top in range(0, max(self.count_y - 2, 1), 2)
-            for left in range(0, max(self.count_x - 2, 1), 2)
+        blocks = (
+            index[np.ix_(rows, columns)]
+            for rows in _overlapping(self.count_y)
+            for columns in _overlapping(self.count_x)
         )
+        return tuple(tuple(block.ravel().tolist()) for block in blocks)
+
+
+def _overlapping(count: int) -> list[range]:
+    """Return ranges of three that overlap by one, or one of all if there are fewer."""
+    return [range(first, min(first + 3, count)) for first in range(0, max(count - 2, 1), 2)]
 
 
 def _symmetric(count: int, step: float) -> NDArray[np.float32]:
