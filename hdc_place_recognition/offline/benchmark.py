@@ -1,0 +1,110 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command hdc_benchmark: what everything costs, against what the machine can do at best."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+import logging
+from pathlib import Path
+import sys
+
+import cv2
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.offline.benchmark_encoding import measure_encoding
+from hdc_place_recognition.offline.benchmark_images import (
+    measure_extraction,
+    measure_pipeline,
+    street,
+)
+from hdc_place_recognition.offline.benchmark_report import table, write
+from hdc_place_recognition.offline.benchmark_search import measure_search
+from hdc_place_recognition.offline.benchmark_timing import Measurement, read_bandwidth
+from hdc_place_recognition.params import Params
+import threadpoolctl
+
+_log = logging.getLogger(__name__)
+_SIZES, _LARGE = (1_000, 10_000), 100_000
+_PARTS = ('encoding', 'search', 'extraction', 'pipeline')
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Measure, print the table, and write it.
+
+    :param argv: arguments of the command line, those of the process by default.
+    :return: exit code; 2 if something cannot run.
+    """
+    logging.basicConfig(level=logging.INFO, format='%(message)s', stream=sys.stderr)
+    arguments = _parser().parse_args(argv)
+    try:
+        measurements = list(_measure(arguments))
+        print(table(measurements))
+        for file in write(measurements, arguments.output):
+            print(f'-> {file}')
+    except (PlaceRecognitionError, OSError) as error:
+        print(f'hdc_benchmark: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='hdc_benchmark', description=__doc__)
+    parser.add_argument(
+        '--sizes',
+        type=_positive,
+        nargs='+',
+        default=list(_SIZES),
+        metavar='ROWS',
+        help='of the databases that are asked [%(default)s]',
+    )
+    parser.add_argument(
+        '--large', action='store_true', help=f'one of {_LARGE} rows too: 2 GB of memory'
+    )
+    parser.add_argument(
+        '--only', choices=_PARTS, nargs='+', default=list(_PARTS), help='measure only this'
+    )
+    parser.add_argument(
+        '--images', type=_positive, default=40, help='of the drive, driven twice [%(default)s]'
+    )
+    parser.add_argument(
+        '--output',
+        type=Path,
+        default=Path('results'),
+        metavar='FOLDER',
+        help='where benchmark.json and benchmark.png are written [%(default)s]',
+    )
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f'{value}: must be 1 or more')
+    return value
+
+
+def _measure(arguments: argparse.Namespace) -> Iterator[Measurement]:
+    """Yield all that was asked for, on the threads of the default parameters."""
+    params = Params(exclude_recent_s=10.0)
+    cv2.setNumThreads(params.threads)
+    with threadpoolctl.threadpool_limits(params.threads, user_api='blas'):
+        bandwidth = read_bandwidth()
+        yield Measurement('read bandwidth', bandwidth / 1e6, 'GB/s')
+        if 'encoding' in arguments.only:
+            yield from measure_encoding()
+        if 'search' in arguments.only:
+            for peer in ('faiss', 'usearch'):
+                if find_spec(peer) is None:
+                    _log.info('%s is not installed: skipped', peer)
+            for rows in [*arguments.sizes, *([_LARGE] if arguments.large else [])]:
+                _log.info('searching %d rows', rows)
+                yield from measure_search(rows, bandwidth)
+        if 'extraction' in arguments.only:
+            yield from measure_extraction(params)
+        if 'pipeline' in arguments.only:
+            yield from measure_pipeline(params, street(arguments.images))

@@ -1,0 +1,69 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The cost of encoding an image, against the projection of its features alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hdc_place_recognition.core.descriptor import DescriptorEncoder
+from hdc_place_recognition.core.displacements import Displacements
+from hdc_place_recognition.core.features import LocalFeatures
+from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
+from hdc_place_recognition.offline.benchmark_timing import Measurement, milliseconds
+from hdc_place_recognition.params import Params
+import numpy as np
+
+_WIDTH, _HEIGHT = 640, 480
+_FEATURES, _LENGTH = 500, 128
+# The grid of the default extractor at its default size.
+_ROWS, _COLUMNS, _CHANNELS = 15, 20, 112
+
+
+def measure_encoding() -> Iterator[Measurement]:
+    """Yield the cost of one image: projected only, written plainly, folded, and on a grid."""
+    rng = np.random.default_rng(0)
+    keypoints = (rng.random((_FEATURES, 2)) * (_WIDTH, _HEIGHT)).astype(np.float32)
+    local = rng.standard_normal((_FEATURES, _LENGTH), np.float32)
+    encoder = _encoder(1)
+    projection = encoder.projection(_LENGTH)
+    inputs = local, projection, encoder.positions, keypoints, _WIDTH, _HEIGHT
+    size = f'{_FEATURES} x {_LENGTH}'
+    alone = milliseconds(lambda: local @ projection.T)
+    yield Measurement(f'projection alone, {size}', alone, 'ms')
+    plain = milliseconds(lambda: bundle_bound_plain(*inputs))
+    yield Measurement(f'encoding plainly, {size}', plain, 'ms', plain / alone, 'projection')
+    folded = milliseconds(lambda: bundle_bound(*inputs))
+    name = f'encoding folded, {size}'
+    yield Measurement(name, folded, 'ms', folded / alone, 'projection', '<= 1.1')
+    yield Measurement(name, folded, 'ms', folded / plain, 'plain', '<= 0.25')
+    yield from _measure_grid(rng)
+
+
+def _measure_grid(rng: np.random.Generator) -> Iterator[Measurement]:
+    count = Params().displacements_x
+    encoder = _encoder(count)
+    x, y = np.meshgrid(np.arange(_COLUMNS) * 32, np.arange(_ROWS) * 32)
+    keypoints = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
+    local = rng.standard_normal((len(keypoints), _CHANNELS), np.float32)
+    features = LocalFeatures(keypoints, local, _WIDTH, _HEIGHT)
+    projection = encoder.projection(_CHANNELS)
+    size = f'{len(keypoints)} x {_CHANNELS}'
+    alone = milliseconds(lambda: projection @ local.T)
+    yield Measurement(f'projection alone, {size}', alone, 'ms')
+    grid = milliseconds(lambda: encoder.encode(features))
+    name = f'encoding a grid, {size}, {count * count} displacements'
+    yield Measurement(name, grid, 'ms', grid / alone, 'projection')
+
+
+def _encoder(displacements: int) -> DescriptorEncoder:
+    params = Params()
+    return DescriptorEncoder(
+        dimensions=params.dimensions,
+        n_x=params.n_x,
+        n_y=params.n_y,
+        preprocessing=params.preprocessing,
+        projection=params.projection,
+        displacements=Displacements(displacements, displacements, params.displacement_step),
+        seed=params.seed,
+    )

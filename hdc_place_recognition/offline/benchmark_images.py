@@ -1,0 +1,87 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The cost of an image: its features, and the whole way from image to candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+import logging
+from time import perf_counter
+
+import cv2
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features import create_extractor, EXTRACTORS
+from hdc_place_recognition.offline.benchmark_timing import (
+    Measurement,
+    milliseconds,
+)
+from hdc_place_recognition.params import Params
+from hdc_place_recognition.pipeline import create_recognizer
+import numpy as np
+from numpy.typing import NDArray
+
+_log = logging.getLogger(__name__)
+_STEP = 24  # pixels from one image to the next
+_NS = 10**9
+
+
+def street(images: int, width: int = 640, height: int = 480) -> list[NDArray[np.uint8]]:
+    """Return a drive past a wall of blobs of all sizes: images as a camera gives them."""
+    rng = np.random.default_rng(0)
+    wall = np.zeros((height, width + _STEP * images, 3), np.float32)
+    for scale in (4, 16, 64):
+        small = rng.random((height // scale, wall.shape[1] // scale, 3), np.float32)
+        wall += cv2.resize(small, wall.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+    stretched = np.clip(wall * 85, 0, 255).astype(np.uint8)
+    return [
+        np.ascontiguousarray(stretched[:, slice(left, left + width)])
+        for left in range(0, _STEP * images, _STEP)
+    ]
+
+
+def measure_extraction(params: Params) -> Iterator[Measurement]:
+    """Yield the cost of each extractor; one that cannot run is skipped with a word."""
+    (image,) = street(1)
+    for name in EXTRACTORS:
+        try:
+            extractor = create_extractor(
+                name,
+                image_width=params.image_width,
+                max_features=params.max_features,
+                threads=params.threads,
+            )
+            spent = milliseconds(partial(extractor.extract, image))
+        except PlaceRecognitionError as error:
+            _log.warning('%s skipped: %s', name, error)
+        else:
+            yield Measurement(f'extraction, {name}, 640 x 480', spent, 'ms')
+
+
+def measure_pipeline(params: Params, images: Sequence[NDArray[np.uint8]]) -> Iterator[Measurement]:
+    """
+    Yield the cost of the whole way, stage by stage, over a drive that comes back.
+
+    :raises PlaceRecognitionError: the extractor cannot run.
+    """
+    recognizer = create_recognizer(params)
+    detections, spent = [], []
+    for number, image in enumerate((*images, *images)):
+        start = perf_counter()
+        detections.append(recognizer.process(number * _NS, image))
+        spent.append((perf_counter() - start) * 1e3)
+    stages = {
+        stage: float(np.median([each.milliseconds[stage] for each in detections]))
+        for stage in ('extract', 'encode', 'query', 'insert', 'verify')
+        if stage in detections[-1].milliseconds
+    }
+    for stage, each in stages.items():
+        yield Measurement(f'image, {stage}', each, 'ms', each / stages['extract'], 'extraction')
+    own = stages['encode'] + stages['query'] + stages['insert']
+    ratio = own / stages['extract']
+    yield Measurement('image, encode + query + insert', own, 'ms', ratio, 'extraction', '<= 0.4')
+    yield Measurement('image, all in all, median', float(np.median(spent)), 'ms')
+    yield Measurement('image, all in all, 99 %', float(np.percentile(spent, 99)), 'ms')
+    database = recognizer.database
+    kilobytes = database.nbytes / len(database) / 1e3
+    yield Measurement('memory of a keyframe, with landmarks', kilobytes, 'kB')

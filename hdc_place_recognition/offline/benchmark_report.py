@@ -1,0 +1,72 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the benchmark writes: a table, JSON, and a plot of cost against size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+import json
+from pathlib import Path
+import platform
+import re
+
+from hdc_place_recognition.offline.benchmark_timing import Measurement
+import numpy as np
+
+_SIZED = re.compile(r'(?P<what>(exact|two-stage) query, .*|insertion, .*), (?P<rows>\d+) rows')
+
+
+def table(measurements: Sequence[Measurement]) -> str:
+    """Return the measurements as aligned lines."""
+    rows = [('what', 'value', 'ratio', 'to', 'target')]
+    rows += [
+        (
+            each.name,
+            f'{each.value:.3g} {each.unit}'.strip(),
+            '' if each.ratio is None else f'{each.ratio:.3f}',
+            each.reference,
+            each.target,
+        )
+        for each in measurements
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return '\n'.join('  '.join(map(str.ljust, row, widths)).rstrip() for row in rows)
+
+
+def write(measurements: Sequence[Measurement], folder: Path) -> list[Path]:
+    """Write benchmark.json and, if matplotlib is installed, benchmark.png; return the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / 'benchmark.json'
+    about = {'machine': platform.machine(), 'python': platform.python_version()}
+    about['numpy'] = np.__version__
+    content = {**about, 'measurements': [asdict(each) for each in measurements]}
+    file.write_text(json.dumps(content, indent=2) + '\n')
+    if find_spec('matplotlib') is None:
+        return [file]
+    return [file, _draw(measurements, folder / 'benchmark.png')]
+
+
+def curves(measurements: Sequence[Measurement]) -> dict[str, list[tuple[int, float]]]:
+    """Return for what depends on the database's size (rows, milliseconds), in order."""
+    found: dict[str, list[tuple[int, float]]] = {}
+    for each in measurements:
+        if match := _SIZED.fullmatch(each.name):
+            value = each.value / 1e3 if each.unit == 'us' else each.value
+            found.setdefault(match['what'], []).append((int(match['rows']), value))
+    return {name: sorted(points) for name, points in found.items()}
+
+
+def _draw(measurements: Sequence[Measurement], file: Path) -> Path:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4.5), layout='constrained')
+    axes = figure.subplots()
+    for name, points in curves(measurements).items():
+        axes.loglog(*zip(*points, strict=True), marker='o', label=name)
+    axes.set(xlabel='images in the database', ylabel='ms')
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(file, dpi=120)
+    return file

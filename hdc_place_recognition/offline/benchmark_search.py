@@ -1,0 +1,126 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The cost of asking a database and of adding to it, and what two stages lose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+
+from hdc_place_recognition.core.database import Database, TWO_STAGES_FROM
+from hdc_place_recognition.core.displacements import Displacements
+from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.offline.benchmark_timing import (
+    each_milliseconds,
+    Measurement,
+    milliseconds,
+)
+from hdc_place_recognition.offline.benchmark_vectors import DIMENSIONS, SIDE, World
+import numpy as np
+
+# Images that make the means what they are before the first row is added.
+_SEEN = 50
+_QUERIES = 40
+_TARGETS = {10_000: '<= 0.25', 100_000: '<= 0.143'}
+_RECALL_TARGETS = {10_000: ('>= 0.995', '>= 0.99'), 100_000: ('>= 0.995', '>= 0.90')}
+_BEST = 10
+
+
+@dataclass(frozen=True)
+class _Filled:
+    """A database with its rows once more, for peers, and how long each insertion took."""
+
+    database: Database
+    world: World
+    insertions_ms: list[float]
+    forms: int
+
+
+def measure_search(rows: int, bandwidth: float) -> Iterator[Measurement]:
+    """
+    Yield what a database of so many rows costs.
+
+    :param bandwidth: bytes a millisecond.
+    """
+    yield from _measure_one_form(_fill(rows, 1), rows, bandwidth)
+    yield from _measure_stages(_fill(rows, SIDE * SIDE), rows, rows * 4 * DIMENSIONS / bandwidth)
+
+
+def _measure_one_form(single: _Filled, rows: int, bandwidth: float) -> Iterator[Measurement]:
+    query = np.ascontiguousarray(single.world.query(0)[SIDE * SIDE // 2][None])
+    limit = rows * 4 * DIMENSIONS / bandwidth
+    spent = milliseconds(lambda: single.database.ask(query, exact=True))
+    name = f'exact query, 1 form, {rows} rows'
+    yield Measurement(name, spent, 'ms', spent / limit, 'bandwidth', '<= 1.15')
+    yield from _measure_peers(single, rows, query, spent)
+    yield from _measure_insertion(single, rows)
+
+
+def _fill(rows: int, forms: int) -> _Filled:
+    groups = Displacements(SIDE, SIDE, 0.1).groups if forms > 1 else ()
+    database = Database(DIMENSIONS, forms, True, 'synthetic', groups)
+    world = World(rows)
+    middle = slice(None) if forms > 1 else slice(SIDE * SIDE // 2, SIDE * SIDE // 2 + 1)
+    for number in range(_SEEN):
+        database.see(world.query(number)[middle])
+    insertions = []
+    for number in range(rows):
+        query = np.broadcast_to(world.row(number), (forms, DIMENSIONS))
+        insertions += each_milliseconds(partial(database.add, 0, 0, query), 1)
+    return _Filled(database, world, insertions, forms)
+
+
+def _measure_insertion(filled: _Filled, rows: int) -> Iterator[Measurement]:
+    spent = np.array(filled.insertions_ms) * 1e3
+    yield Measurement(f'insertion, median, {rows} rows', float(np.median(spent)), 'us')
+    yield Measurement(f'insertion, maximum, {rows} rows', float(spent.max()), 'us')
+    kilobytes = filled.database.nbytes / rows / 1e3
+    yield Measurement(f'memory of a row, {rows} rows', kilobytes, 'kB')
+
+
+def _measure_stages(filled: _Filled, rows: int, limit: float) -> Iterator[Measurement]:
+    database, forms = filled.database, filled.forms
+    query = filled.world.query(0)
+    exact = milliseconds(lambda: database.ask(query, exact=True))
+    name = f'exact query, {forms} forms, {rows} rows'
+    yield Measurement(name, exact, 'ms', exact / limit, 'bandwidth')
+    if rows < TWO_STAGES_FROM:
+        return
+    fast = milliseconds(lambda: database.ask(query))
+    name = f'two-stage query, {forms} forms, {rows} rows'
+    yield Measurement(name, fast, 'ms', fast / exact, 'exact', _TARGETS.get(rows, ''))
+    queries = [filled.world.query(number) for number in range(_SEEN, _SEEN + _QUERIES)]
+    first, ten = np.mean([_recalls(database, each) for each in queries], axis=0)
+    targets = _RECALL_TARGETS.get(rows, ('', ''))
+    name = f'two-stage recall@1, {rows} rows'
+    yield Measurement(name, float(first), '', float(first), 'exact', targets[0])
+    name = f'two-stage recall@{_BEST}, {rows} rows'
+    yield Measurement(name, float(ten), '', float(ten), 'exact', targets[1])
+
+
+def _recalls(database: Database, query: Hypervector) -> tuple[float, float]:
+    """Return which share of the best row, and of the best ten, two stages find."""
+    exact, fast = database.ask(query, exact=True).similarities, database.ask(query).similarities
+    true, found = (np.argsort(-each, kind='stable')[:_BEST] for each in (exact, fast))
+    return float(true[0] == found[0]), float(np.isin(true, found).mean())
+
+
+def _measure_peers(
+    filled: _Filled, rows: int, query: Hypervector, exact: float
+) -> Iterator[Measurement]:
+    """Yield the exact search of other libraries, where they are installed."""
+    if find_spec('faiss') is None and find_spec('usearch') is None:
+        return
+    vectors = np.stack([filled.world.row(number) for number in range(rows)])
+    if find_spec('faiss') is not None:
+        index = import_module('faiss').IndexFlatIP(DIMENSIONS)
+        index.add(vectors)
+        spent = milliseconds(lambda: index.search(query, _BEST))
+        yield Measurement(f'faiss IndexFlatIP, {rows} rows', spent, 'ms', spent / exact, 'exact')
+    if find_spec('usearch') is not None:
+        search = import_module('usearch.index').search
+        spent = milliseconds(lambda: search(vectors, query[0], _BEST, 'ip', exact=True))
+        yield Measurement(f'usearch exact, {rows} rows', spent, 'ms', spent / exact, 'exact')
