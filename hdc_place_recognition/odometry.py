@@ -48,6 +48,13 @@ class KeyframePositions:
         with self._lock:
             self._waiting[row] = stamp_ns
 
+    def forget(self, row: int | None) -> None:
+        """Forget a keyframe that the database has forgotten, if there is one."""
+        if row is not None:
+            with self._lock:
+                self._waiting.pop(row, None)
+                self._settled.pop(row, None)
+
     def position(self, row: int) -> Position:
         """Return where the row's image was taken; NaN where that is not known."""
         with self._lock:

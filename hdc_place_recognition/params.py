@@ -120,6 +120,13 @@ class Params:
         'with those that the signs of the hypervectors put first.',
         live=True,
     )
+    max_keyframes: int = _param(
+        0,
+        'Images kept in the database; of more the most redundant one is forgotten. 0 for no '
+        'limit.',
+        low=0,
+        high=100000000,
+    )
     min_interval_s: float = _param(
         0.2,
         'Images nearer than this to the last one processed, by stamp, are passed over.',

@@ -260,6 +260,17 @@ def test_nothing_to_evaluate():
         evaluate(Dataset('empty', Mode.SEQUENCE, Places(())), recognizer())
 
 
+def test_database_must_not_forget():
+    forgetful = recognizer(max_keyframes=5)
+    with pytest.raises(PlaceRecognitionError, match='max_keyframes 5: .* set it to 0'):
+        evaluate(sequence((0, 1)), forgetful)
+
+
+def test_every_image_is_compared_exactly():
+    one = recognizer(exact=False)
+    assert evaluate(sequence((0, 1)), one).params.exact
+
+
 def test_database_must_be_empty():
     used = recognizer()
     used.process(0, texture(1))

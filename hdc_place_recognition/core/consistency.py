@@ -46,6 +46,11 @@ class Consistency:
         """Note the best place of an image that shows something new."""
         self._places.append((row, strength))
 
+    def forget(self, row: int) -> None:
+        """Follow the rows when one of them is taken out: those after it move up."""
+        places = [(place - (place > row), strength) for place, strength in self._places]
+        self._places = deque(places, self._places.maxlen)
+
     def clear(self) -> None:
         """Forget the images so far."""
         self._places.clear()

@@ -5,17 +5,14 @@
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass
 
 from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.landmarks import Landmarks
+from hdc_place_recognition.core.redundancy import Redundancy
 from hdc_place_recognition.core.rows import Rows
-from hdc_place_recognition.core.search import (
-    Answer,
-    Question,
-    search_all,
-    search_in_two_stages,
-)
+from hdc_place_recognition.core.search import Answer, Question, search_all, search_in_two_stages
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +24,14 @@ TWO_STAGES_FROM = 2048
 _REFRESHED = 2
 
 
+@dataclass(frozen=True)
+class Forgotten:
+    """An image that is no longer in the database: the row it had, and its number."""
+
+    row: int
+    keyframe_id: int
+
+
 class Database:
     """
     Descriptors of earlier images, compared by the centred cosine under several displacements.
@@ -35,12 +40,16 @@ class Database:
     same displacement, from a row that under none: causal, nothing from the future. The rows stay
     as they are.
 
+    Rows are in the order of adding. An image keeps its number, which is its row until images
+    before it are forgotten.
+
     :param dimensions: d.
     :param displacements: s, how many forms a query has; the middle one is stored.
     :param center: whether to subtract the means.
     :param extractor: identity of the local features; only equal ones can be compared.
     :param groups: indices of forms that are near to each other, for the first of two stages;
         all in one by default.
+    :param max_keyframes: of more images the most redundant one is forgotten; 0 for no limit.
     """
 
     def __init__(
@@ -50,9 +59,11 @@ class Database:
         center: bool,
         extractor: str,
         groups: tuple[tuple[int, ...], ...] = (),
+        max_keyframes: int = 0,
     ) -> None:
         self.center, self.extractor = center, extractor
         self.stamps_ns: list[int] = []
+        self.ids: list[int] = []
         self.landmarks: list[Landmarks | None] = []
         self._clock_ns: list[int] = []
         self._places = array('q')
@@ -62,6 +73,11 @@ class Database:
         self._sums = np.zeros((displacements, dimensions))
         self._seen = 0
         self._refreshed = 0
+        self._max_keyframes = max_keyframes
+        self._redundancy = Redundancy(self._vector)
+        self._added = 0
+        self._likest: tuple[Hypervector | None, int | None] = None, None
+        self.last_forgotten: Forgotten | None = None
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -70,6 +86,16 @@ class Database:
     def nbytes(self) -> int:
         """Bytes of memory held by the rows and their landmarks."""
         return self._rows.nbytes + sum(each.nbytes for each in self.landmarks if each)
+
+    @property
+    def forgotten(self) -> int:
+        """Return how many images were forgotten, also those that were not stored at all."""
+        return self._added - len(self)
+
+    def row(self, keyframe_id: int) -> int | None:
+        """Return the row of an image, None if it was forgotten."""
+        row = bisect_left(self.ids, keyframe_id)
+        return row if row < len(self) and self.ids[row] == keyframe_id else None
 
     def older_than(self, clock_ns: int, recent_rows: int) -> int:
         """
@@ -104,27 +130,55 @@ class Database:
             return Answer(nothing, np.empty(0, np.intp), nothing)
         question = Question(query, self._sums / max(self._seen, 1))
         if exact or len(places) < TWO_STAGES_FROM:
-            return search_all(self._rows, places, question)
-        return search_in_two_stages(self._rows, places, question, self._groups)
+            answer = search_all(self._rows, places, question)
+        else:
+            answer = search_in_two_stages(self._rows, places, question, self._groups)
+        self._likest = query, self.ids[int(answer.similarities.argmax())]
+        return answer
 
     def add(
         self, stamp_ns: int, clock_ns: int, query: Hypervector, landmarks: Landmarks | None = None
-    ) -> int:
+    ) -> int | None:
         """
-        Store the middle form of an image and return its row.
+        Store the middle form of an image and return its number.
+
+        In a full database the most redundant image is forgotten for it; where each shows a place
+        of its own, or the new one is that image, the new one is not stored.
 
         :param stamp_ns: the image's header stamp.
         :param clock_ns: the same on a clock that never goes back.
         :param query: (s, d) float32.
         :param landmarks: to verify it by.
+        :return: None if it was not stored.
         """
-        mean = self._mean()
+        mean, number = self._mean(), self._added
+        if self._max_keyframes:
+            asked, twin = self._likest
+            twin = twin if asked is query else None
+            twin_row = None if twin is None else self.row(twin)
+            self._redundancy.add(query[self._middle], twin, twin_row)
         self._places.append(self._rows.add(query[self._middle], mean))
         self.stamps_ns.append(stamp_ns)
         self.landmarks.append(landmarks)
         self._clock_ns.append(clock_ns)
+        self.ids.append(number)
+        self._added += 1
         self._refresh(mean)
-        return len(self) - 1
+        self.last_forgotten = None
+        if 0 < self._max_keyframes < len(self):
+            row = self._redundancy.most_redundant()
+            self._forget(len(self) - 1 if row is None else row)
+        return number if self.ids[-1] == number else None
+
+    def _forget(self, row: int) -> None:
+        self._redundancy.forget(row, self.ids[row])
+        self._rows.free(self._places[row])
+        self.last_forgotten = Forgotten(row, self.ids[row])
+        for values in (self._places, self.ids, self.stamps_ns, self._clock_ns, self.landmarks):
+            del values[row]
+
+    def _vector(self, row: int) -> Hypervector:
+        return self._rows.vector(self._places[row])
 
     def _mean(self) -> NDArray[np.float32]:
         """Return (d,), the mean of the middle forms."""

@@ -100,7 +100,9 @@ class Detection:
     :param similarities: (n,) float32, to the first n rows of the database: those old enough. In
         a large database those of rows far below the candidates are estimates, unless the
         parameter `exact` is set.
-    :param keyframe_id: the row under which the image was stored, None if it was not.
+    :param keyframe_id: the number under which the image was stored, None if it was not. Images
+        are counted from 0; the number is the row until images before it are forgotten.
+    :param forgotten_id: the number of the image that was forgotten for it, None if none was.
     :param milliseconds: spent in extract, encode, query, verify and insert.
     """
 
@@ -111,6 +113,7 @@ class Detection:
         default_factory=lambda: np.empty(0, np.float32), compare=False
     )
     keyframe_id: int | None = None
+    forgotten_id: int | None = None
     n_features: int = 0
     milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
 
@@ -118,3 +121,13 @@ class Detection:
     def accepted(self) -> tuple[Candidate, ...]:
         """Return the candidates that are loop closures."""
         return tuple(candidate for candidate in self.candidates if candidate.accepted)
+
+
+def status_of(description: Description, candidates: tuple[Candidate, ...]) -> Status:
+    """Return what became of an image that was compared."""
+    if description.empty:
+        return Status.NO_FEATURES
+    if not candidates:
+        return Status.DATABASE_TOO_YOUNG
+    accepted = any(candidate.accepted for candidate in candidates)
+    return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD

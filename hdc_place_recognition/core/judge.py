@@ -43,16 +43,16 @@ class Judge:
         answer: Answer,
         database: Database,
         params: Params,
-        skip_id: int | None,
+        skip_row: int | None,
     ) -> tuple[Candidate, ...]:
         """
         Return the candidates of an image, best first, those accepted and others.
 
         :param answer: how similar the rows are that may be candidates.
-        :param skip_id: a row that may not.
+        :param skip_row: one that may not.
         """
         count = max(params.top_k, params.verify_top_k)
-        rows = propose(answer.similarities, count, skip_id)
+        rows = propose(answer.similarities, count, skip_row)
         if not rows:
             return ()
         look = _Look(description, answer, database, self.consistency)
@@ -60,7 +60,7 @@ class Judge:
         looked = [look.at(row) for row in verified]
         if description.landmarks is not None:
             near = neighbours(best_of(looked).row, len(answer.similarities))
-            looked += [look.at(row) for row in near if row not in (*verified, skip_id)]
+            looked += [look.at(row) for row in near if row not in (*verified, skip_row)]
         best = best_of(looked)
         if description.moved and description.landmarks is not None:
             self.consistency.remember(best.row, certainty(looked, best))
@@ -88,7 +88,7 @@ class Judge:
         return Candidate(
             query_stamp_ns=description.stamp_ns,
             match_stamp_ns=database.stamps_ns[looked.row],
-            match_id=looked.row,
+            match_id=database.ids[looked.row],
             similarity=looked.evidence.similarity,
             score=looked.score,
             inliers=NOT_VERIFIED if geometry is None else geometry.inliers,

@@ -9,7 +9,7 @@ from typing import Any
 
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
-from hdc_place_recognition.core.detection import Candidate, Description, Detection, Status
+from hdc_place_recognition.core.detection import Candidate, Description, Detection, status_of
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.hdc import Hypervector
@@ -45,6 +45,7 @@ class PlaceRecognizer:
             params.center_database,
             extractor.identity,
             displacements.groups,
+            params.max_keyframes,
         )
         self._extractor, self._keypoints = extractor, keypoints
         self._encoder = DescriptorEncoder(
@@ -86,7 +87,9 @@ class PlaceRecognizer:
         watch = Stopwatch(detection.milliseconds)
         with watch.stage('insert'):
             keyframe_id = self.learn(description)
-        return replace(detection, keyframe_id=keyframe_id, milliseconds=watch.milliseconds)
+        detection = replace(detection, keyframe_id=keyframe_id, milliseconds=watch.milliseconds)
+        forgotten = self.database.last_forgotten
+        return replace(detection, forgotten_id=forgotten.keyframe_id) if forgotten else detection
 
     def describe(self, stamp_ns: int, image: NDArray[Any]) -> Description:
         """
@@ -120,20 +123,21 @@ class PlaceRecognizer:
         Images that are asked for one after the other support each other.
 
         :param rows: only the first rows may be candidates; all by default.
-        :param skip_id: a row that may not: the image itself, when all are compared with all.
+        :param skip_id: a keyframe that may not: the image itself, when all are compared with all.
         """
         watch = Stopwatch(description.milliseconds)
         with watch.stage('query'):
             answer = self.database.ask(description.query, rows, exact=self.params.exact)
+        skip_row = None if skip_id is None else self.database.row(skip_id)
         candidates: tuple[Candidate, ...] = ()
         if not description.empty:
             with watch.stage('query' if description.landmarks is None else 'verify'):
                 candidates = self._judge.candidates(
-                    description, answer, self.database, self.params, skip_id
+                    description, answer, self.database, self.params, skip_row
                 )
         return Detection(
             description.stamp_ns,
-            _status(description, candidates),
+            status_of(description, candidates),
             candidates,
             answer.similarities,
             n_features=description.n_features,
@@ -142,18 +146,23 @@ class PlaceRecognizer:
 
     def learn(self, description: Description) -> int | None:
         """
-        Store an image and return its row.
+        Store an image and return its number.
 
-        :return: None where there is nothing to recognise it by, or nothing new to be seen.
+        :return: None where there is nothing to recognise it by, nothing new to be seen, or where
+            a full database can do without it.
         """
+        self.database.last_forgotten = None
         if description.empty or not description.moved:
             return None
-        return self.database.add(
+        keyframe_id = self.database.add(
             description.stamp_ns,
             self._selector.clock_ns,
             description.query,
             description.landmarks,
         )
+        if self.database.last_forgotten is not None:
+            self._judge.consistency.forget(self.database.last_forgotten.row)
+        return keyframe_id
 
     def start_sequence(self) -> None:
         """Begin another traverse: what comes next does not continue what came before."""
@@ -177,15 +186,6 @@ class PlaceRecognizer:
         """Return how many rows are old enough to be candidates: the first ones."""
         limit_ns = self._selector.clock_ns - _nanoseconds(self.params.exclude_recent_s)
         return self.database.older_than(limit_ns, self.params.exclude_recent_frames)
-
-
-def _status(description: Description, candidates: tuple[Candidate, ...]) -> Status:
-    if description.empty:
-        return Status.NO_FEATURES
-    if not candidates:
-        return Status.DATABASE_TOO_YOUNG
-    accepted = any(candidate.accepted for candidate in candidates)
-    return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD
 
 
 def _nanoseconds(seconds: float) -> int:

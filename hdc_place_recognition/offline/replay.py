@@ -26,19 +26,19 @@ def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) ->
     """
     Show all images of a data set to a recogniser, in the order that its mode says.
 
-    Every image is compared with all, whatever the parameter `exact` says.
-
     :param dataset: the images.
     :param recognizer: with an empty database.
     :param progress: wraps the images that are gone through.
     :return: what it said.
-    :raises PlaceRecognitionError: the database is not empty, or an image can not be read.
+    :raises PlaceRecognitionError: the database is not empty or forgets, or an image is bad.
     """
     if len(recognizer.database):
         raise PlaceRecognitionError(
             f'the database already holds {len(recognizer.database)} images; '
             'an evaluation begins with an empty one'
         )
+    if limit := recognizer.params.max_keyframes:
+        raise PlaceRecognitionError(f'max_keyframes {limit}: an evaluation needs all; set it to 0')
     # Metrics are of the method, not of what finds its answers faster.
     recognizer.params = recognizer.params.replace(exact=True)
     if dataset.mode is Mode.SEQUENCE:
@@ -187,8 +187,7 @@ def _older(
     """
     Return (n, n) bool, the images of a sequence that were old enough for each to be compared with.
 
-    Of the stored ones the recogniser tells how many it compared; one that was never stored would
-    have been old enough by its stamp.
+    Of the stored ones the recogniser tells how many it compared; the others go by their stamps.
     """
     exclude_ns = round(exclude_recent_s * 1e9)
     stored = rows != NOT_STORED

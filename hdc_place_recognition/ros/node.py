@@ -111,6 +111,7 @@ class PlaceRecognitionNode(Node):
         if detection.keyframe_id is not None:
             self._positions.add_keyframe(detection.keyframe_id, detection.stamp_ns)
         self._candidates.publish(candidates_message(header, self._located(detection.candidates)))
+        self._positions.forget(detection.forgotten_id)
         if detection.accepted:
             self._closures.publish(candidates_message(header, self._located(detection.accepted)))
             self.get_logger().info(closure_line(detection))
@@ -130,6 +131,7 @@ class PlaceRecognitionNode(Node):
             **self.statistics.values(),
             'features': database.extractor,
             'database images': str(len(database)),
+            'database images forgotten': str(database.forgotten),
             'database bytes': str(database.nbytes),
         }
 
