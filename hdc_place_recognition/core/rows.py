@@ -82,20 +82,23 @@ class Rows:
         chunk, inside = self._at(place)
         return chunk.vectors[inside]
 
-    def squares(self) -> NDArray[np.float64]:
-        """Return (n,) float64, the squared lengths of all."""
-        return np.concatenate([chunk.squares[:filled] for chunk, filled in self._filled()])
+    def squares(self, count: int) -> NDArray[np.float64]:
+        """Return (count,) float64, the squared lengths of the first places."""
+        return np.concatenate([chunk.squares[:filled] for chunk, filled in self._filled(count)])
 
-    def products(self, probes: hdc.Hypervector) -> NDArray[np.float32]:
-        """Return the products of all with probes (p, d): (n, p) float32."""
+    def products(self, probes: hdc.Hypervector, count: int) -> NDArray[np.float32]:
+        """Return the products of the first places with probes (p, d): (count, p) float32."""
         return np.concatenate(
-            [_products(chunk.vectors[:filled], probes) for chunk, filled in self._filled()]
+            [_products(chunk.vectors[:filled], probes) for chunk, filled in self._filled(count)]
         )
 
-    def distances(self, queries: signs.Signs) -> NDArray[np.uint32]:
-        """Return how many signs of each place differ from the nearest of some queries (b, w)."""
+    def distances(self, queries: signs.Signs, count: int) -> NDArray[np.uint32]:
+        """Return how many signs of the first places differ from the nearest query (b, w)."""
         return np.concatenate(
-            [signs.distances(chunk.signs[:filled], queries) for chunk, filled in self._filled()]
+            [
+                signs.distances(chunk.signs[:filled], queries)
+                for chunk, filled in self._filled(count)
+            ]
         )
 
     def gather(self, places: NDArray[np.intp]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -118,10 +121,10 @@ class Rows:
             np.empty((_CHUNK_ROWS, signs.words(self.dimensions)), np.uint64),
         )
 
-    def _filled(self) -> Iterator[tuple[_Chunk, int]]:
-        """Yield each chunk with the number of its places that are filled."""
-        for index, chunk in enumerate(self._chunks):
-            yield chunk, min(self._count - index * _CHUNK_ROWS, _CHUNK_ROWS)
+    def _filled(self, count: int) -> Iterator[tuple[_Chunk, int]]:
+        """Yield the chunks of the first places with the number of these that each has."""
+        for start in range(0, count, _CHUNK_ROWS):
+            yield self._chunks[start // _CHUNK_ROWS], min(count - start, _CHUNK_ROWS)
 
 
 def _products(vectors: NDArray[np.float32], probes: hdc.Hypervector) -> NDArray[np.float32]:

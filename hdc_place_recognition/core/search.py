@@ -96,8 +96,9 @@ def search_all(rows: Rows, places: NDArray[np.intp], question: Question) -> Answ
 
     :param places: (n,) of the rows that are asked for, in the order of the answer.
     """
-    products = rows.products(question.probes())[places]
-    similarities, displacements = question.cosines(products, rows.squares()[places])
+    count = int(places.max()) + 1
+    products = rows.products(question.probes(), count)[places]
+    similarities, displacements = question.cosines(products, rows.squares(count)[places])
     return Answer(similarities, displacements, similarities)
 
 
@@ -119,7 +120,8 @@ def search_in_two_stages(
     centred = hdc.normalize((question.query - question.means).astype(np.float32))
     bundles = np.stack([centred[list(group)].sum(axis=0) for group in groups])
     zero = np.zeros(rows.dimensions, np.float32)
-    distances = rows.distances(signs.signs(bundles, zero))[places]
+    queries = signs.signs(bundles, zero)
+    distances = rows.distances(queries, int(places.max()) + 1)[places]
     similarities = signs.cosines(distances, rows.dimensions)
     displacements = np.full(len(places), question.middle, np.intp)
     probes = question.probes()
