@@ -266,11 +266,6 @@ def test_database_must_not_forget():
         evaluate(sequence((0, 1)), forgetful)
 
 
-def test_every_image_is_compared_exactly():
-    one = recognizer(exact=False)
-    assert evaluate(sequence((0, 1)), one).params.exact
-
-
 def test_database_must_be_empty():
     used = recognizer()
     used.process(0, texture(1))

@@ -98,6 +98,7 @@ def test_sequence_replaces_exclusion_by_time_with_its_gap(tmp_path):
     assert dataset.overrides == {
         'min_interval_s': 0.0,
         'keyframe_similarity': 1.0,
+        'exact': True,
         'exclude_recent_s': 2.0,
         'exclude_recent_frames': 0,
     }
@@ -158,7 +159,11 @@ def test_poses_are_ground_truth_where_there_is_no_matrix(tmp_path):
     assert isinstance(dataset.ground_truth, PoseTruth)
     assert dataset.ground_truth.view_axis == 'z'
     assert 'poses within 5 m and 45 deg' in dataset.ground_truth.summary
-    assert dataset.overrides == {'min_interval_s': 0.0, 'keyframe_similarity': 1.0}
+    assert dataset.overrides == {
+        'min_interval_s': 0.0,
+        'keyframe_similarity': 1.0,
+        'exact': True,
+    }
     write_gt(tmp_path, 2, 2, min_gap=0)
     assert isinstance(open_dataset(tmp_path, None, Options()).ground_truth, MatrixTruth)
 

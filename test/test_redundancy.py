@@ -78,12 +78,6 @@ def test_places_are_used_again_and_answers_follow():
     assert database.ids == sorted(database.ids) and database.older_than(399, 0) == 20
 
 
-def test_standing_still_does_not_touch_another_image():
-    database = fill(3, [place(index) for index in range(4)])
-    database.stay(100)
-    assert database.older_than(50, 0) == 3
-
-
 def test_support_follows_the_rows():
     consistency = Consistency()
     consistency.remember(20, 3.0)

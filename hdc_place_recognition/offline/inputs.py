@@ -16,8 +16,13 @@ from hdc_place_recognition.offline.poses import Poses
 from hdc_place_recognition.params import Params, Value
 
 # Images of a folder are one second apart, and seconds are images. All of them count: whoever made
-# the folder has selected them, and the metrics are about all pairs.
-_ALL_IMAGES: Mapping[str, Value] = {'min_interval_s': 0.0, 'keyframe_similarity': 1.0}
+# the folder has selected them, and the metrics are about all pairs, exactly. A bag instead is
+# searched as the node does it.
+_ALL_IMAGES: Mapping[str, Value] = {
+    'min_interval_s': 0.0,
+    'keyframe_similarity': 1.0,
+    'exact': True,
+}
 
 
 @dataclass(frozen=True)

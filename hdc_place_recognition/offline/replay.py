@@ -39,8 +39,6 @@ def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) ->
         )
     if limit := recognizer.params.max_keyframes:
         raise PlaceRecognitionError(f'max_keyframes {limit}: an evaluation needs all; set it to 0')
-    # Metrics are of the method, not of what finds its answers faster.
-    recognizer.params = recognizer.params.replace(exact=True)
     if dataset.mode is Mode.SEQUENCE:
         return _replay_sequence(dataset, recognizer, progress)
     if dataset.reference is None:
