@@ -12,7 +12,8 @@ import textwrap
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params, spec
+from hdc_place_recognition.param_spec import spec
+from hdc_place_recognition.params import Params
 import yaml
 
 NODE_NAME = 'place_recognition_node'

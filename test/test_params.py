@@ -8,7 +8,8 @@ from pathlib import Path
 
 from conftest import ROOT
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params, spec
+from hdc_place_recognition.param_spec import spec
+from hdc_place_recognition.params import Params
 from hdc_place_recognition.params_command import main
 from hdc_place_recognition.params_io import (
     add_arguments,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
-from hdc_place_recognition.params import Value
+from hdc_place_recognition.param_spec import Value
 import numpy as np
 from numpy.typing import NDArray
 

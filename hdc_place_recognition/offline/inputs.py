@@ -13,7 +13,8 @@ from hdc_place_recognition.offline import bags, folders
 from hdc_place_recognition.offline.dataset import Dataset, Frames, GroundTruth, Mode
 from hdc_place_recognition.offline.groundtruth import load_matrices, MatrixTruth, PoseTruth
 from hdc_place_recognition.offline.poses import Poses
-from hdc_place_recognition.params import Params, Value
+from hdc_place_recognition.param_spec import Value
+from hdc_place_recognition.params import Params
 
 # Images of a folder are one second apart, and seconds are images. All of them count: whoever made
 # the folder has selected them, and the metrics are about all pairs, exactly. A bag instead is

@@ -9,7 +9,8 @@ from dataclasses import Field, fields
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params, spec
+from hdc_place_recognition.param_spec import spec
+from hdc_place_recognition.params import Params
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
