@@ -74,7 +74,8 @@ def there_and_back() -> tuple[list[int], list[Detection]]:
 def test_the_way_back_is_recognised(there_and_back):
     path, detections = there_and_back
     off = closures(detections, path)
-    assert off and all(abs(each) <= 2 for each in off)
+    # Whatever SIFT a version of OpenCV has: two fifths of the views are the same.
+    assert off and all(abs(each) * STEP <= 0.6 * WIDTH for each in off)
     returning = detections[34:]
     assert sum(bool(found.accepted) for found in returning) >= 0.9 * len(returning)
     assert not any(found.accepted for found in detections[:24])
