@@ -64,7 +64,7 @@ setup(
             'place_recognition_node = hdc_place_recognition.ros.main:main',
             'hdc_evaluate = hdc_place_recognition.offline.command:main',
             'hdc_experiments = hdc_place_recognition.offline.experiments:main',
-            'hdc_benchmark = hdc_place_recognition.offline.benchmark:main',
+            'hdc_benchmark = hdc_place_recognition.benchmark.command:main',
             'hdc_demo = hdc_place_recognition.demo.run:main',
             'hdc_params = hdc_place_recognition.params_command:main',
         ],

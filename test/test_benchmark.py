@@ -4,18 +4,18 @@
 
 import json
 
-from hdc_place_recognition.offline import benchmark_search
-from hdc_place_recognition.offline.benchmark import main
-from hdc_place_recognition.offline.benchmark_report import curves, table
-from hdc_place_recognition.offline.benchmark_timing import each_milliseconds, Measurement
-from hdc_place_recognition.offline.benchmark_vectors import World
+from hdc_place_recognition.benchmark import search
+from hdc_place_recognition.benchmark.command import main
+from hdc_place_recognition.benchmark.report import curves, table
+from hdc_place_recognition.benchmark.timing import each_milliseconds, Measurement
+from hdc_place_recognition.benchmark.vectors import World
 import numpy as np
 import pytest
 
 
 def test_small_run_prints_and_writes(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(benchmark_search, '_QUERIES', 3)
-    monkeypatch.setattr(benchmark_search, 'TWO_STAGES_FROM', 0)
+    monkeypatch.setattr(search, '_QUERIES', 3)
+    monkeypatch.setattr(search, 'TWO_STAGES_FROM', 0)
     assert main(['--only', 'search', '--sizes', '60', '--output', str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     written = json.loads((tmp_path / 'benchmark.json').read_text())['measurements']
@@ -38,7 +38,7 @@ def test_bad_size_is_a_usage_error(capsys):
 
 
 def test_unwritable_output_is_one_line(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('hdc_place_recognition.offline.benchmark.read_bandwidth', lambda: 1.0)
+    monkeypatch.setattr('hdc_place_recognition.benchmark.command.read_bandwidth', lambda: 1.0)
     (tmp_path / 'file').write_text('')
     words = ['--only', 'search', '--sizes', '5', '--output', str(tmp_path / 'file')]
     assert main(words) == 2

@@ -68,9 +68,9 @@ def test_the_core_knows_numpy_and_opencv_only():
         assert outside <= {*stdlib, 'cv2', 'numpy'}, f'{path} imports {outside - stdlib}'
 
 
-def test_only_ros_and_demo_import_ros():
+def test_only_ros_demo_and_benchmark_import_ros():
     for path in SOURCE.rglob('*.py'):
-        if not {'ros', 'demo'} & set(path.relative_to(SOURCE).parts):
+        if not {'ros', 'demo', 'benchmark'} & set(path.relative_to(SOURCE).parts):
             names = {name.split('.')[0] for name in imports(path)}
             assert not names & OF_ROS, f'{path} imports {names & OF_ROS}'
 

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from hdc_place_recognition.benchmark.settings import Settings
+from hdc_place_recognition.benchmark.timing import Measurement, milliseconds
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
-from hdc_place_recognition.offline.benchmark_timing import Measurement, milliseconds
 from hdc_place_recognition.params import Params
 import numpy as np
 
@@ -20,7 +21,7 @@ _FEATURES, _LENGTH = 500, 128
 _ROWS, _COLUMNS, _CHANNELS = 15, 20, 112
 
 
-def measure_encoding() -> Iterator[Measurement]:
+def measure_encoding(_: Settings) -> Iterator[Measurement]:
     """Yield the cost of one image: projected only, written plainly, folded, and on a grid."""
     rng = np.random.default_rng(0)
     keypoints = (rng.random((_FEATURES, 2)) * (_WIDTH, _HEIGHT)).astype(np.float32)

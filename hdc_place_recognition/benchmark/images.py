@@ -4,19 +4,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 import logging
 from time import perf_counter
 
 import cv2
-from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features import create_extractor, EXTRACTORS
-from hdc_place_recognition.offline.benchmark_timing import (
+from hdc_place_recognition.benchmark.settings import Settings
+from hdc_place_recognition.benchmark.timing import (
     Measurement,
     milliseconds,
 )
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features import create_extractor, EXTRACTORS
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,9 @@ def street(images: int, width: int = 640, height: int = 480) -> list[NDArray[np.
     ]
 
 
-def measure_extraction(params: Params) -> Iterator[Measurement]:
+def measure_extraction(settings: Settings) -> Iterator[Measurement]:
     """Yield the cost of each extractor; one that cannot run is skipped with a word."""
-    (image,) = street(1)
+    (image,), params = street(1), settings.params
     for name in EXTRACTORS:
         try:
             extractor = create_extractor(
@@ -58,13 +58,13 @@ def measure_extraction(params: Params) -> Iterator[Measurement]:
             yield Measurement(f'extraction, {name}, 640 x 480', spent, 'ms')
 
 
-def measure_pipeline(params: Params, images: Sequence[NDArray[np.uint8]]) -> Iterator[Measurement]:
+def measure_pipeline(settings: Settings) -> Iterator[Measurement]:
     """
     Yield the cost of the whole way, stage by stage, over a drive that comes back.
 
     :raises PlaceRecognitionError: the extractor cannot run.
     """
-    recognizer = create_recognizer(params)
+    recognizer, images = create_recognizer(settings.params), street(settings.images)
     detections, spent = [], []
     for number, image in enumerate((*images, *images)):
         start = perf_counter()

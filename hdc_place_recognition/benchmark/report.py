@@ -12,7 +12,7 @@ from pathlib import Path
 import platform
 import re
 
-from hdc_place_recognition.offline.benchmark_timing import Measurement
+from hdc_place_recognition.benchmark.timing import Measurement
 import numpy as np
 
 _SIZED = re.compile(r'(?P<what>(exact|two-stage) query, .*|insertion, .*), (?P<rows>\d+) rows')

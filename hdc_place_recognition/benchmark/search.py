@@ -9,18 +9,21 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
+import logging
 
-from hdc_place_recognition.core.database import Database, TWO_STAGES_FROM
-from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.hdc import Hypervector
-from hdc_place_recognition.offline.benchmark_timing import (
+from hdc_place_recognition.benchmark.settings import Settings
+from hdc_place_recognition.benchmark.timing import (
     each_milliseconds,
     Measurement,
     milliseconds,
 )
-from hdc_place_recognition.offline.benchmark_vectors import DIMENSIONS, SIDE, World
+from hdc_place_recognition.benchmark.vectors import DIMENSIONS, SIDE, World
+from hdc_place_recognition.core.database import Database, TWO_STAGES_FROM
+from hdc_place_recognition.core.displacements import Displacements
+from hdc_place_recognition.core.hdc import Hypervector
 import numpy as np
 
+_log = logging.getLogger(__name__)
 # Images that make the means what they are before the first row is added.
 _SEEN = 50
 _QUERIES = 40
@@ -39,12 +42,17 @@ class _Filled:
     forms: int
 
 
-def measure_search(rows: int, bandwidth: float) -> Iterator[Measurement]:
-    """
-    Yield what a database of so many rows costs.
+def measure_search(settings: Settings) -> Iterator[Measurement]:
+    """Yield what databases of some sizes cost, and peers where they are installed."""
+    for peer in ('faiss', 'usearch'):
+        if find_spec(peer) is None:
+            _log.info('%s is not installed: skipped', peer)
+    for rows in settings.sizes:
+        _log.info('searching %d rows', rows)
+        yield from _measure_size(rows, settings.bandwidth)
 
-    :param bandwidth: bytes a millisecond.
-    """
+
+def _measure_size(rows: int, bandwidth: float) -> Iterator[Measurement]:
     yield from _measure_one_form(_fill(rows, 1), rows, bandwidth)
     yield from _measure_stages(_fill(rows, SIDE * SIDE), rows, rows * 4 * DIMENSIONS / bandwidth)
 

@@ -6,28 +6,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 import logging
 from pathlib import Path
 import sys
 
 import cv2
+from hdc_place_recognition.benchmark.parts import LARGE_PARTS, PARTS
+from hdc_place_recognition.benchmark.report import table, write
+from hdc_place_recognition.benchmark.settings import Settings
+from hdc_place_recognition.benchmark.timing import Measurement, read_bandwidth
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.offline.benchmark_encoding import measure_encoding
-from hdc_place_recognition.offline.benchmark_images import (
-    measure_extraction,
-    measure_pipeline,
-    street,
-)
-from hdc_place_recognition.offline.benchmark_report import table, write
-from hdc_place_recognition.offline.benchmark_search import measure_search
-from hdc_place_recognition.offline.benchmark_timing import Measurement, read_bandwidth
 from hdc_place_recognition.params import Params
 import threadpoolctl
 
 _log = logging.getLogger(__name__)
 _SIZES, _LARGE = (1_000, 10_000), 100_000
-_PARTS = ('encoding', 'search', 'extraction', 'pipeline')
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -63,10 +56,16 @@ def _parser() -> argparse.ArgumentParser:
         help='of the databases that are asked [%(default)s]',
     )
     parser.add_argument(
-        '--large', action='store_true', help=f'one of {_LARGE} rows too: 2 GB of memory'
+        '--large',
+        action='store_true',
+        help=f'also search {_LARGE} rows: minutes, and gigabytes of memory',
     )
     parser.add_argument(
-        '--only', choices=_PARTS, nargs='+', default=list(_PARTS), help='measure only this'
+        '--only',
+        choices=PARTS,
+        nargs='+',
+        help='measure only this, rather than '
+        f'{", ".join(name for name in PARTS if name not in LARGE_PARTS)}',
     )
     parser.add_argument(
         '--images', type=_positive, default=40, help='of the drive, driven twice [%(default)s]'
@@ -93,18 +92,21 @@ def _measure(arguments: argparse.Namespace) -> Iterator[Measurement]:
     params = Params(exclude_recent_s=10.0)
     cv2.setNumThreads(params.threads)
     with threadpoolctl.threadpool_limits(params.threads, user_api='blas'):
-        bandwidth = read_bandwidth()
-        yield Measurement('read bandwidth', bandwidth / 1e6, 'GB/s')
-        if 'encoding' in arguments.only:
-            yield from measure_encoding()
-        if 'search' in arguments.only:
-            for peer in ('faiss', 'usearch'):
-                if find_spec(peer) is None:
-                    _log.info('%s is not installed: skipped', peer)
-            for rows in [*arguments.sizes, *([_LARGE] if arguments.large else [])]:
-                _log.info('searching %d rows', rows)
-                yield from measure_search(rows, bandwidth)
-        if 'extraction' in arguments.only:
-            yield from measure_extraction(params)
-        if 'pipeline' in arguments.only:
-            yield from measure_pipeline(params, street(arguments.images))
+        settings = Settings(
+            params=params,
+            bandwidth=read_bandwidth(),
+            sizes=(*arguments.sizes, *([_LARGE] if arguments.large else [])),
+            images=arguments.images,
+        )
+        yield Measurement('read bandwidth', settings.bandwidth / 1e6, 'GB/s')
+        for name, measure in PARTS.items():
+            if _wanted(name, arguments):
+                _log.info('measuring %s', name)
+                yield from measure(settings)
+
+
+def _wanted(name: str, arguments: argparse.Namespace) -> bool:
+    """Return whether a part was asked for."""
+    if arguments.only:
+        return name in arguments.only
+    return arguments.large or name not in LARGE_PARTS
