@@ -164,6 +164,9 @@ class Params:
         'loses nothing but needs a reliable publisher.',
         choices=('sensor_data', 'reliable'),
     )
+    image_rectified: bool = param(
+        False, 'The images are rectified: P of camera_info describes them, rather than K and D.'
+    )
     odom_tolerance_s: float = param(
         0.1,
         'Odometry further from an image than this, by stamp, gives it no position.',

@@ -27,6 +27,9 @@ def generate_launch_description() -> LaunchDescription:
             description='Parameters, as config/place_recognition.yaml.',
         ),
         DeclareLaunchArgument('image', default_value='image', description='Image topic.'),
+        DeclareLaunchArgument(
+            'camera_info', default_value='camera_info', description='Calibration topic.'
+        ),
         DeclareLaunchArgument('odom', default_value='odom', description='Odometry topic.'),
         DeclareLaunchArgument('log_level', default_value='info', description='Of the node.'),
     ]
@@ -38,6 +41,6 @@ def generate_launch_description() -> LaunchDescription:
         output='screen',
         arguments=['--ros-args', '--log-level', given['log_level']],
         parameters=[given['params_file'], {'use_sim_time': given['use_sim_time']}],
-        remappings=[('image', given['image']), ('odom', given['odom'])],
+        remappings=[(topic, given[topic]) for topic in ('image', 'camera_info', 'odom')],
     )
     return LaunchDescription([*arguments, node])

@@ -39,6 +39,24 @@ def image(stamp_ns, value=0, size=None, store=STORE):
     )
 
 
+def camera_info(stamp_ns, focal=500.0):
+    of = STORE.types
+    k = np.array([focal, 0, 320, 0, focal, 240, 0, 0, 1.0])
+    return of['sensor_msgs/msg/CameraInfo'](
+        header=header(stamp_ns),
+        height=480,
+        width=640,
+        distortion_model='plumb_bob',
+        d=np.zeros(5),
+        k=k,
+        r=np.eye(3).ravel(),
+        p=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+        roi=of['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False),
+    )
+
+
 def pose(x, y=0.0):
     """Return a pose that looks along x."""
     of = STORE.types
@@ -316,3 +334,14 @@ def test_topics_are_counted(tmp_path):
     bag = write_bag(tmp_path / 'bag', [('/b', image(1)), ('/a', image(2)), ('/b', image(3))])
     assert topics(bag, bags.IMAGE_TYPES) == {'/a': 1, '/b': 2}
     assert list(topics(bag, bags.IMAGE_TYPES)) == ['/a', '/b']
+
+
+def test_the_first_calibration_is_the_camera(tmp_path):
+    infos = [camera_info(START + number, 500.0 + number) for number in range(2)]
+    bag = write_bag(tmp_path / 'bag', [('/camera/camera_info', each) for each in infos])
+    found = bags.read_camera(bag, '/camera/camera_info', rectified=False)
+    assert found.matrix[0, 0] == 500 / 640 and found.aspect == 0.75
+    with pytest.raises(PlaceRecognitionError, match=r'message 1: .*not calibrated'):
+        bags.read_camera(bag, '/camera/camera_info', rectified=True)
+    with pytest.raises(PlaceRecognitionError, match='--camera-info-topic /camera/camera_info'):
+        bags.read_camera(bag, '/other', rectified=False)

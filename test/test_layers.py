@@ -9,7 +9,7 @@ from conftest import ROOT
 
 PACKAGE = 'hdc_place_recognition'
 SOURCE = ROOT / PACKAGE
-SHARED = {'errors', 'params', 'param_spec', 'images'}
+SHARED = {'errors', 'params', 'param_spec', 'images', 'cameras'}
 # What each part may import of the package, besides itself.
 ALLOWED = {
     'core': {'errors', 'params'},

@@ -25,6 +25,7 @@ def published(similarity: float = 0.5, *, accepted: bool = True) -> object:
         reason=Reason.ACCEPTED if accepted else Reason.FEW_INLIERS,
         shift_x=-0.125,
         shift_y=0.5,
+        rotation=(0.0, 0.5, -0.5, 0.25) if accepted else None,
     )
     return messages.PublishedCandidate(candidate, (1.5, -2.0, 0.25))
 
@@ -58,10 +59,14 @@ def test_layout_as_documented():
         'shift_x',
         'shift_y',
         'reason',
+        'qx',
+        'qy',
+        'qz',
+        'qw',
     ]
-    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 1, 60, 60)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 1, 76, 76)
     assert cloud.header.frame_id == 'camera' and not cloud.is_bigendian
-    values = struct.unpack('<fffiIiIIffiB3xffB3x', bytes(cloud.data))
+    values = struct.unpack('<fffiIiIIffiB3xffB3xffff', bytes(cloud.data))
     assert values == (
         1.5,
         -2.0,
@@ -78,18 +83,22 @@ def test_layout_as_documented():
         -0.125,
         0.5,
         0,
+        0.0,
+        0.5,
+        -0.5,
+        0.25,
     )
 
 
 def test_none_is_width_0():
     cloud = message()
-    assert cloud.width == 0 and len(cloud.data) == 0 and len(cloud.fields) == 15
+    assert cloud.width == 0 and len(cloud.data) == 0 and len(cloud.fields) == 19
     assert messages.read_candidates(cloud) == []
 
 
 def test_reader_follows_the_fields_not_the_layout():
     cloud = message(published())
-    cloud.point_step = 64
+    cloud.point_step = 80
     cloud.data = bytes(cloud.data) + bytes(4)
     assert messages.read_candidates(cloud) == [published()]
 

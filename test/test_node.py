@@ -26,7 +26,7 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2  # noqa: E402
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2  # noqa: E402
 
 S = 1_000_000_000
 SOON_S = 10.0
@@ -146,6 +146,19 @@ def test_loop_is_published_with_the_images_header(bench):
     assert best.candidate.similarity == pytest.approx(1, abs=1e-5)
     assert best.position == (3.0, 0.0, 0.0)
     assert all(item.candidate.accepted for item in read_candidates(closures[0]))
+
+
+def test_calibration_is_taken_and_a_bad_one_is_none(bench):
+    calibration = bench.user.create_publisher(CameraInfo, '/camera_info', 10)
+    bench.until(lambda: bench.node.count_publishers('/camera_info'))
+    bench.until(lambda: calibration.get_subscription_count())
+    message = CameraInfo(width=64, height=48, k=[50.0, 0, 32, 0, 50, 24, 0, 0, 1])
+    calibration.publish(message)
+    bench.until(lambda: bench.node._recognizer.camera)
+    assert bench.node._recognizer.camera.took(48 / 64)
+    message.k = [0.0] * 9
+    calibration.publish(message)
+    bench.until(lambda: bench.node._recognizer.camera is None)
 
 
 def test_live_parameter_is_set_and_a_bad_one_refused_with_a_reason(bench):

@@ -132,6 +132,10 @@ def test_candidates_file(loop, tmp_path, capsys):
         'reason',
         'shift_x',
         'shift_y',
+        'qx',
+        'qy',
+        'qz',
+        'qw',
         'truth',
     ]
     accepted = [row for row in rows if row['accepted'] == '1']

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from hdc_place_recognition.core.camera import Quaternion
 from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.landmarks import Landmarks
 import numpy as np
@@ -54,6 +55,8 @@ class Candidate:
     :param reason: why not, if not.
     :param shift_x: how far to the right the scene lies in the earlier image, share of the width.
     :param shift_y: how far down, share of the height.
+    :param rotation: of an accepted one, orientation of the camera in the frame of the earlier one
+        (x right, y down, z ahead); None where the camera is not known.
     """
 
     query_stamp_ns: int
@@ -66,6 +69,7 @@ class Candidate:
     reason: Reason
     shift_x: float
     shift_y: float
+    rotation: Quaternion | None = None
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hdc_place_recognition.core.camera import Camera, Quaternion, rotation
 from hdc_place_recognition.core.consistency import Consistency
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.detection import Candidate, Description, NOT_VERIFIED, Reason
@@ -31,10 +32,12 @@ class Judge:
     Decides on the candidates of one image after the other.
 
     :param offsets: (s, 2) float32, the displacements that images are compared under.
+    :ivar camera: that took the images, None if it is not calibrated.
     """
 
     def __init__(self, offsets: NDArray[np.float32]) -> None:
         self.consistency = Consistency()
+        self.camera: Camera | None = None
         self._offsets = offsets
 
     def candidates(
@@ -96,7 +99,16 @@ class Judge:
             reason=Reason.ACCEPTED if accepted else _reason(looked, description),
             shift_x=float(np.float32(shift_x)),
             shift_y=float(np.float32(shift_y)),
+            rotation=self._rotation(looked, description) if accepted else None,
         )
+
+    def _rotation(self, looked: Hypothesis, description: Description) -> Quaternion | None:
+        """Return how the camera has turned since the earlier image, None if that is not known."""
+        camera, landmarks = self.camera, description.landmarks
+        geometry = looked.evidence.geometry
+        if camera is None or geometry is None or landmarks is None:
+            return None
+        return rotation(camera, geometry.pairs) if camera.took(landmarks.aspect) else None
 
 
 @dataclass(frozen=True)

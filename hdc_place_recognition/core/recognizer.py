@@ -7,14 +7,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.detection import Candidate, Description, Detection, status_of
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
-from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
+from hdc_place_recognition.core.keyframes import KeyframeSelector
 from hdc_place_recognition.core.landmarks import keep
 from hdc_place_recognition.core.selection import StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
@@ -62,12 +63,21 @@ class PlaceRecognizer:
         )
         self._selector = StampSelector()
         self._judge = Judge(displacements.offsets)
-        self._keyframe: Hypervector | None = None
+        self._keyframes = KeyframeSelector()
 
     @property
     def verifies(self) -> bool:
         """Return whether candidates are verified by their geometry."""
         return self._keypoints is not None
+
+    @property
+    def camera(self) -> Camera | None:
+        """Return the camera, if it is calibrated; accepted candidates tell its rotation then."""
+        return self._judge.camera
+
+    @camera.setter
+    def camera(self, camera: Camera | None) -> None:
+        self._judge.camera = camera
 
     def process(self, stamp_ns: int, image: NDArray[Any]) -> Detection:
         """
@@ -106,7 +116,7 @@ class PlaceRecognizer:
         if self._keypoints is not None:
             with watch.stage('verify'):
                 landmarks = keep(self._keypoints.extract(image))
-        moved = self._moved(query)
+        moved = self._keyframes.moved(query[len(query) // 2], self.params.keyframe_similarity)
         if moved and query.any():
             with watch.stage('query'):
                 self.database.see(query)
@@ -169,18 +179,7 @@ class PlaceRecognizer:
         self._sequence.clear()
         self._selector.restart()
         self._judge.consistency.clear()
-        self._keyframe = None
-
-    def _moved(self, query: Hypervector) -> bool:
-        """Return whether an image differs from the last keyframe; it is the next one then."""
-        current = query[len(query) // 2]
-        if self._keyframe is not None:
-            similarity = min(float(current @ self._keyframe), 1.0)
-            if similarity > self.params.keyframe_similarity:
-                return False
-        if query.any():
-            self._keyframe = current
-        return True
+        self._keyframes.restart()
 
     def _old_enough(self) -> int:
         """Return how many rows are old enough to be candidates: the first ones."""

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 from hdc_place_recognition.core.landmarks import Landmarks
@@ -36,6 +36,7 @@ class Geometry:
     :param spread: cells of a 4 x 4 grid with inliers, in the image that has fewer.
     :param shift_x: how far to the right the points lie in the earlier image, share of the width.
     :param shift_y: how far down, share of the height.
+    :param pairs: (inliers, 2, 2) float32, their points in both images, in widths of the image.
     """
 
     votes: int = 0
@@ -43,6 +44,9 @@ class Geometry:
     spread: int = 0
     shift_x: float = 0.0
     shift_y: float = 0.0
+    pairs: NDArray[np.float32] = field(
+        default_factory=lambda: np.empty((0, 2, 2), np.float32), compare=False
+    )
 
     @property
     def strength(self) -> float:
@@ -59,10 +63,16 @@ def verify(query: Landmarks, earlier: Landmarks) -> Geometry:
     agreeing = _similarity_votes(query, earlier, matches)
     moved = (earlier.places[second] - query.places[first].astype(np.float64))[agreeing]
     shift_x, shift_y = (np.median(moved, axis=0) / np.iinfo(np.uint16).max).tolist()
-    inliers = _epipolar_inliers(query.points[first], earlier.points[second])
+    pairs = np.stack([query.points[first], earlier.points[second]], axis=1)
+    inliers = _epipolar_inliers(pairs)
     cells = [_spread(query.places[first[inliers]]), _spread(earlier.places[second[inliers]])]
     return Geometry(
-        int(agreeing.sum()), int(np.count_nonzero(inliers)), min(cells), shift_x, shift_y
+        votes=int(agreeing.sum()),
+        inliers=int(np.count_nonzero(inliers)),
+        spread=min(cells),
+        shift_x=shift_x,
+        shift_y=shift_y,
+        pairs=pairs[inliers],
     )
 
 
@@ -100,17 +110,15 @@ def _similarity_votes(query: Landmarks, earlier: Landmarks, matches: Matches) ->
     return np.asarray(agree[:, agree.sum(axis=0).argmax()])
 
 
-def _epipolar_inliers(
-    query: NDArray[np.float32], earlier: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+def _epipolar_inliers(pairs: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return which matched points agree with one fundamental matrix; none without one."""
-    none = np.zeros(len(query), np.bool_)
-    if len(query) < _LEAST_FOR_EPIPOLES:
+    none = np.zeros(len(pairs), np.bool_)
+    if len(pairs) < _LEAST_FOR_EPIPOLES:
         return none
     try:
         _, mask = cv2.findFundamentalMat(
-            query * _WIDTH,
-            earlier * _WIDTH,
+            pairs[:, 0] * _WIDTH,
+            pairs[:, 1] * _WIDTH,
             cv2.USAC_MAGSAC,
             _EPIPOLAR_PIXELS,
             _CONFIDENCE,

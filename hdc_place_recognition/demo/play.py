@@ -9,7 +9,7 @@ from pathlib import Path
 import time
 
 from hdc_place_recognition.core.detection import Candidate
-from hdc_place_recognition.demo.bag import IMAGE_TOPIC, ODOMETRY_TOPIC
+from hdc_place_recognition.demo.bag import CAMERA_INFO_TOPIC, IMAGE_TOPIC, ODOMETRY_TOPIC
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.images import stamp_ns
 from hdc_place_recognition.params_io import NODE_NAME
@@ -19,9 +19,9 @@ import rclpy
 from rclpy.node import Node
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
-_TYPES = {IMAGE_TOPIC: Image, ODOMETRY_TOPIC: Odometry}
+_TYPES = {CAMERA_INFO_TOPIC: CameraInfo, IMAGE_TOPIC: Image, ODOMETRY_TOPIC: Odometry}
 _DISCOVERY_S = 30.0
 # How long to wait for the answer to an image before the next one is shown.
 _PATIENCE_S = 5.0
@@ -109,10 +109,10 @@ class Player(Node):
         )
 
 
-def raw_messages(bag: Path, topics: tuple[str, ...]) -> Iterator[tuple[str, bytes, int]]:
-    """Yield topic, serialized message and header stamp in the bag's order."""
+def raw_messages(bag: Path) -> Iterator[tuple[str, bytes, int]]:
+    """Yield topic, serialized message and header stamp of what the node hears."""
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-        chosen = [connection for connection in reader.connections if connection.topic in topics]
+        chosen = [connection for connection in reader.connections if connection.topic in _TYPES]
         for connection, _, raw in reader.messages(chosen):
             message = reader.deserialize(raw, connection.msgtype)
             yield connection.topic, bytes(raw), stamp_ns(message)

@@ -14,7 +14,12 @@ import subprocess
 import sys
 
 from hdc_place_recognition.border import run_command
-from hdc_place_recognition.demo.bag import IMAGE_TOPIC, ODOMETRY_TOPIC, write_bag
+from hdc_place_recognition.demo.bag import (
+    CAMERA_INFO_TOPIC,
+    IMAGE_TOPIC,
+    ODOMETRY_TOPIC,
+    write_bag,
+)
 from hdc_place_recognition.demo.play import Player, raw_messages
 from hdc_place_recognition.demo.score import score
 from hdc_place_recognition.offline.closures import Closures
@@ -67,7 +72,7 @@ def run(bag: Path) -> int:
         player = Player()
         player.wait_for_node(lambda: process.poll() is None)
         print(f'playing {bag} through {IMAGE_TOPIC} and {ODOMETRY_TOPIC}', flush=True)
-        player.play(raw_messages(bag, (IMAGE_TOPIC, ODOMETRY_TOPIC)))
+        player.play(raw_messages(bag))
         player.destroy_node()
     rclpy.try_shutdown()
     return report(score(bag, ODOMETRY_TOPIC, player.answered_ns, player.closures))
@@ -97,6 +102,8 @@ def node_process() -> Iterator[subprocess.Popen[bytes]]:
             f'{NODE_NAME}:=warn',
             '-r',
             f'image:={IMAGE_TOPIC}',
+            '-r',
+            f'camera_info:={CAMERA_INFO_TOPIC}',
             '-r',
             f'odom:={ODOMETRY_TOPIC}',
             '-p',

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
@@ -87,7 +87,7 @@ class StoredMessage:
             ) from error
 
 
-def messages(bag: Path, topic: str) -> Iterator[StoredMessage]:
+def messages(bag: Path, topic: str) -> Generator[StoredMessage, None, None]:
     """
     Yield the messages of a topic.
 

@@ -9,10 +9,13 @@ Times are those of the messages' headers, never those at which the bag was writt
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 import logging
 from pathlib import Path
 
+from hdc_place_recognition.cameras import camera_from_message
+from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.images import image_from_message, stamp_ns
 from hdc_place_recognition.offline.bag_reader import choose_topic, messages, StoredMessage
@@ -23,6 +26,7 @@ _log = logging.getLogger(__name__)
 
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 POSE_TYPES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped', 'nav_msgs/msg/Path')
+CAMERA_TYPES = ('sensor_msgs/msg/CameraInfo',)
 _WARNINGS = 5  # bad messages that are named one by one; all are counted
 
 
@@ -125,3 +129,22 @@ def read_poses(bag: Path, topic: str | None) -> Poses:
             stamps.append(stamp_ns(stamped))
             rows.append([at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w])
     return Poses.from_rows(stamps, rows, f'bag {bag}, topic {chosen}')
+
+
+def read_camera(path: Path, topic: str, *, rectified: bool) -> Camera:
+    """
+    Return the camera of the first message of a CameraInfo topic.
+
+    :param path: of the bag.
+    :param rectified: whether the images are rectified.
+    :raises PlaceRecognitionError: no such topic, a camera that is not calibrated or not known, or
+        the bag is damaged.
+    """
+    chosen, _ = choose_topic(path, topic, CAMERA_TYPES, '--camera-info-topic')
+    with closing(messages(path, chosen)) as found:
+        stored = next(found)
+        message = stored.decode()
+    try:
+        return camera_from_message(message, rectified=rectified)
+    except PlaceRecognitionError as error:
+        raise PlaceRecognitionError(f'{stored.where}: {error}') from error

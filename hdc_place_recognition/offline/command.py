@@ -70,6 +70,11 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--topic', help='image topic, needed if a bag has several')
     parser.add_argument(
+        '--camera-info-topic',
+        metavar='TOPIC',
+        help='CameraInfo in the bag: accepted candidates tell the rotation of the camera',
+    )
+    parser.add_argument(
         '--skip-bad',
         action='store_true',
         help='go on after messages that hold no image or whose stamp does not rise',
@@ -158,6 +163,8 @@ def _options(arguments: argparse.Namespace, params: Params) -> Options:
         max_angle_deg=arguments.max_angle,
         view_axis=arguments.view_axis,
         pose_tolerance_s=params.odom_tolerance_s,
+        camera_info_topic=arguments.camera_info_topic,
+        image_rectified=params.image_rectified,
         skip_bad=arguments.skip_bad,
     )
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
+from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.param_spec import Value
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,7 @@ class Dataset:
     :param reference: the images of the first of two traverses, else None.
     :param ground_truth: None if nothing is known.
     :param overrides: parameters that the data set fixes, such as the gap of a sequence.
+    :param camera: that took the images, None if it is not known.
     """
 
     name: str
@@ -78,3 +80,4 @@ class Dataset:
     reference: Frames | None = None
     ground_truth: GroundTruth | None = None
     overrides: Mapping[str, Value] = field(default_factory=dict)
+    camera: Camera | None = None

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline import bags, folders
 from hdc_place_recognition.offline.dataset import Dataset, Frames, GroundTruth, Mode
@@ -37,6 +38,8 @@ class Options:
     :param max_angle_deg: if their directions of view differ by no more than this.
     :param view_axis: axis of the body that looks ahead; None for x in bags, z in poses.csv.
     :param pose_tolerance_s: greatest time between an image and its pose.
+    :param camera_info_topic: of the calibration, None if it does not matter.
+    :param image_rectified: whether the images are rectified.
     :param skip_bad: go on after messages that hold no image or whose stamp does not rise.
     """
 
@@ -46,17 +49,20 @@ class Options:
     max_angle_deg: float = 45.0
     view_axis: str | None = None
     pose_tolerance_s: float = Params.odom_tolerance_s
+    camera_info_topic: str | None = None
+    image_rectified: bool = Params.image_rectified
     skip_bad: bool = False
 
 
 @dataclass(frozen=True)
 class _Source:
-    """One traverse: its images, and their poses if these are known."""
+    """One traverse: its images, and their poses and camera if these are known."""
 
     frames: Frames
     poses: Poses | None
     view_axis: str
     overrides: Mapping[str, Value]
+    camera: Camera | None = None
 
 
 def open_dataset(path: Path, database: Path | None, options: Options) -> Dataset:
@@ -88,7 +94,9 @@ def _single(name: str, source: _Source, path: Path, options: Options) -> Dataset
     matrices = _matrices(path, source.frames, source.frames)
     if matrices is None:
         truth = _pose_truth(source, source, options)
-        return Dataset(name, Mode.SEQUENCE, source.frames, None, truth, source.overrides)
+        return Dataset(
+            name, Mode.SEQUENCE, source.frames, None, truth, source.overrides, source.camera
+        )
     truth, min_gap = matrices
     if min_gap < 0:
         return Dataset(name, Mode.RETRIEVAL, source.frames, None, truth, source.overrides)
@@ -102,7 +110,9 @@ def _traverses(
     """Return two traverses; a ground-truth file is that of the queries' folder."""
     matrices = _matrices(path, query.frames, reference.frames)
     truth = matrices[0] if matrices else _pose_truth(query, reference, options)
-    return Dataset(name, Mode.TRAVERSES, query.frames, reference.frames, truth, query.overrides)
+    return Dataset(
+        name, Mode.TRAVERSES, query.frames, reference.frames, truth, query.overrides, query.camera
+    )
 
 
 def _open(path: Path, options: Options) -> _Source:
@@ -123,7 +133,14 @@ def _open(path: Path, options: Options) -> _Source:
     poses = (
         bags.read_poses(path, options.ground_truth_topic) if options.ground_truth_topic else None
     )
-    return _Source(images, poses, options.view_axis or 'x', {})
+    return _Source(images, poses, options.view_axis or 'x', {}, _camera(path, options))
+
+
+def _camera(path: Path, options: Options) -> Camera | None:
+    """Return the camera of a bag, if it was asked for."""
+    if options.camera_info_topic is None:
+        return None
+    return bags.read_camera(path, options.camera_info_topic, rectified=options.image_rectified)
 
 
 def _matrices(path: Path, queries: Frames, database: Frames) -> tuple[MatrixTruth, int] | None:

@@ -25,8 +25,13 @@ CANDIDATE_COLUMNS = (
     'reason',
     'shift_x',
     'shift_y',
+    'qx',
+    'qy',
+    'qz',
+    'qw',
     'truth',
 )
+_UNKNOWN = ('',) * 4
 CURVE_COLUMNS = ('curve', 'threshold', 'precision', 'recall')
 
 
@@ -76,6 +81,7 @@ def _candidate_rows(evaluation: Evaluation) -> Iterable[Sequence[object]]:
             each.reason.value,
             each.shift_x,
             each.shift_y,
+            *(each.rotation or _UNKNOWN),
             verdict.value if verdict else '',
         )
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hdc_place_recognition.core.camera import Quaternion
 from hdc_place_recognition.core.detection import Candidate, Reason
 from hdc_place_recognition.odometry import Position
 import numpy as np
@@ -36,6 +37,10 @@ _FORMATS = {
     'shift_x': 'f4',
     'shift_y': 'f4',
     'reason': 'u1',
+    'qx': 'f4',
+    'qy': 'f4',
+    'qz': 'f4',
+    'qw': 'f4',
 }
 _DATATYPES = {
     'f4': PointField.FLOAT32,
@@ -45,6 +50,7 @@ _DATATYPES = {
 }
 # Of the field reason: 0 for accepted, and so on in the order of the enumeration.
 REASONS = tuple(Reason)
+_UNKNOWN: Quaternion = (float('nan'),) * 4
 # Fields of four bytes on their boundaries, also from one point to the next.
 CANDIDATE_DTYPE = np.dtype(
     {
@@ -121,6 +127,7 @@ def read_candidates(message: PointCloud2) -> list[PublishedCandidate]:
                 reason=REASONS[row['reason']],
                 shift_x=float(row['shift_x']),
                 shift_y=float(row['shift_y']),
+                rotation=_rotation(row),
             ),
             (float(row['x']), float(row['y']), float(row['z'])),
         )
@@ -142,4 +149,11 @@ def _row(published: PublishedCandidate) -> tuple[float, ...]:
         candidate.shift_x,
         candidate.shift_y,
         REASONS.index(candidate.reason),
+        *(candidate.rotation or _UNKNOWN),
     )
+
+
+def _rotation(row: NDArray[np.void]) -> Quaternion | None:
+    """Return the rotation of a point of the cloud, None where it is not known."""
+    x, y, z, w = (float(row[name]) for name in ('qx', 'qy', 'qz', 'qw'))
+    return None if np.isnan(w) else (x, y, z, w)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from hdc_place_recognition.cameras import camera_from_message
 from hdc_place_recognition.core.detection import Candidate, Detection, Status
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.images import image_from_message, stamp_ns
@@ -22,8 +23,8 @@ from hdc_place_recognition.ros.parameters import RosParameters, unknown_override
 from hdc_place_recognition.ros.worker import LatestWorker
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import PointCloud2
+from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
 
 _WARN_PERIOD_S = 5.0
@@ -56,6 +57,9 @@ class PlaceRecognitionNode(Node):
         self._odometry = self.create_subscription(
             Odometry, 'odom', self._on_odometry, _ODOMETRY_QOS
         )
+        self._camera_info = self.create_subscription(
+            CameraInfo, 'camera_info', self._on_camera_info, qos_profile_sensor_data
+        )
         self._diagnostics = Diagnostics(self, self._input.problem, self._values)
         self.get_logger().info(
             f'listening to {self._input.topic} ({params.image_transport}, {params.image_qos}), '
@@ -81,6 +85,15 @@ class PlaceRecognitionNode(Node):
     def _on_odometry(self, message: Odometry) -> None:
         position = message.pose.pose.position
         self._positions.add_odometry(stamp_ns(message), (position.x, position.y, position.z))
+
+    def _on_camera_info(self, message: CameraInfo) -> None:
+        """Take the camera of the images; without one everything but their rotation is known."""
+        try:
+            rectified = self._recognizer.params.image_rectified
+            self._recognizer.camera = camera_from_message(message, rectified=rectified)
+        except PlaceRecognitionError as error:
+            self._recognizer.camera = None
+            self.get_logger().warning(str(error), throttle_duration_sec=_WARN_PERIOD_S)
 
     def _on_image(self, message: Any) -> None:
         self.statistics.dropped += self.worker.put(message)
