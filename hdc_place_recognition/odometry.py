@@ -8,6 +8,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from threading import Lock
 
+from hdc_place_recognition.core.keyframes import Pose
+
 Position = tuple[float, float, float]
 UNKNOWN: Position = (float('nan'),) * 3
 # Odometry kept back for images that are still being processed.
@@ -26,15 +28,15 @@ class KeyframePositions:
     """
 
     tolerance_ns: int
-    _recent: deque[tuple[int, Position]] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    _recent: deque[tuple[int, Pose]] = field(default_factory=lambda: deque(maxlen=_KEPT))
     _waiting: dict[int, int] = field(default_factory=dict)
     _settled: dict[int, Position] = field(default_factory=dict)
     _lock: Lock = field(default_factory=Lock)
 
-    def add_odometry(self, stamp_ns: int, position: Position) -> None:
-        """Note where the robot was, metres in the odometry's frame."""
+    def add_odometry(self, stamp_ns: int, pose: Pose) -> None:
+        """Note where the robot was."""
         with self._lock:
-            self._recent.append((stamp_ns, position))
+            self._recent.append((stamp_ns, pose))
             passed = [
                 row
                 for row, keyframe_ns in self._waiting.items()
@@ -42,6 +44,14 @@ class KeyframePositions:
             ]
             for row in passed:
                 self._settled[row] = self._nearest(self._waiting.pop(row))
+
+    def pose_before(self, stamp_ns: int) -> Pose | None:
+        """Return the last pose up to a stamp, None where there is none within the tolerance."""
+        with self._lock:
+            for known_ns, pose in reversed(self._recent):
+                if known_ns <= stamp_ns:
+                    return pose if stamp_ns - known_ns <= self.tolerance_ns else None
+        return None
 
     def add_keyframe(self, row: int, stamp_ns: int) -> None:
         """Note that the image of this stamp is now the database's row."""
@@ -64,7 +74,7 @@ class KeyframePositions:
 
     def _nearest(self, stamp_ns: int) -> Position:
         distance, position = min(
-            ((abs(other_ns - stamp_ns), position) for other_ns, position in self._recent),
+            ((abs(other_ns - stamp_ns), pose.position) for other_ns, pose in self._recent),
             default=(self.tolerance_ns + 1, UNKNOWN),
         )
         return position if distance <= self.tolerance_ns else UNKNOWN

@@ -150,6 +150,18 @@ class Params:
         high=1.0,
         live=True,
     )
+    keyframe_distance_m: float = param(
+        0.0,
+        'With odometry: images taken nearer than this to the last keyframe, and turned by less '
+        'than keyframe_angle_deg, are compared but not stored. 0: odometry does not matter.',
+        unit='m',
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    keyframe_angle_deg: float = param(
+        5.0, 'See keyframe_distance_m.', unit='deg', low=0.0, high=180.0, live=True
+    )
 
     # How the node is wired.
     image_transport: str = param(

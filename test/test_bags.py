@@ -336,6 +336,15 @@ def test_topics_are_counted(tmp_path):
     assert list(topics(bag, bags.IMAGE_TYPES)) == ['/a', '/b']
 
 
+def test_the_pose_before_an_image(tmp_path):
+    messages = [('/odom', odometry(START + number * S, number)) for number in range(3)]
+    poses = bags.read_poses(write_bag(tmp_path / 'bag', messages), '/odom')
+    assert poses.before(START + S, S // 2).position == (1, 0, 0)
+    assert poses.before(START + S + S // 2, S // 2).position == (1, 0, 0)
+    assert poses.before(START + S - 1, S // 2) is None
+    assert poses.before(START - 1, S // 2) is None
+
+
 def test_the_first_calibration_is_the_camera(tmp_path):
     infos = [camera_info(START + number, 500.0 + number) for number in range(2)]
     bag = write_bag(tmp_path / 'bag', [('/camera/camera_info', each) for each in infos])

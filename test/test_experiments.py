@@ -21,7 +21,8 @@ from hdc_place_recognition.offline.experiment_shift import (
 from hdc_place_recognition.offline.experiment_tables import half_interval, markdown
 from hdc_place_recognition.offline.experiment_variants import DEFAULT, Variant, VARIANTS
 from hdc_place_recognition.offline.experiments import main
-from hdc_place_recognition.offline.inputs import open_dataset, Options
+from hdc_place_recognition.offline.inputs import open_dataset
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.params import Params
 import numpy as np
 import pytest

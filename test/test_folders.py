@@ -7,7 +7,8 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Mode
 from hdc_place_recognition.offline.folders import FolderImages, read_image, read_poses
 from hdc_place_recognition.offline.groundtruth import MatrixTruth, PoseTruth
-from hdc_place_recognition.offline.inputs import open_dataset, Options
+from hdc_place_recognition.offline.inputs import open_dataset
+from hdc_place_recognition.offline.options import Options
 import numpy as np
 import pytest
 

@@ -1,10 +1,44 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which images are stored: those that show something new."""
+"""Which images are stored: those that show something new, to a robot that moves."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+
+from hdc_place_recognition.core.camera import Quaternion
 from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.params import Params
+
+
+@dataclass(frozen=True)
+class Pose:
+    """
+    Where the robot is, in the frame of its odometry.
+
+    :param position: x, y, z in metres.
+    :param orientation: unit quaternion x, y, z, w.
+    """
+
+    position: tuple[float, float, float]
+    orientation: Quaternion
+
+    def near(self, other: Pose, metres: float, degrees: float) -> bool:
+        """Return whether another pose is less than both away; a length of 0 is never near."""
+        cosine = sum(a * b for a, b in zip(self.orientation, other.orientation, strict=True))
+        turned = 2 * math.degrees(math.acos(min(abs(cosine), 1.0)))
+        return math.dist(self.position, other.position) < metres and turned < degrees
+
+
+# Returns the pose at a stamp in nanoseconds, None where it is not known.
+Odometry = Callable[[int], Pose | None]
+
+
+def no_odometry(stamp_ns: int) -> None:
+    """Return that the pose is not known."""
+    del stamp_ns
 
 
 class KeyframeSelector:
@@ -12,22 +46,31 @@ class KeyframeSelector:
 
     def __init__(self) -> None:
         self._vector: Hypervector | None = None
+        self._pose: Pose | None = None
 
-    def moved(self, vector: Hypervector, most_similar: float) -> bool:
+    def moved(self, vector: Hypervector, pose: Pose | None, params: Params) -> bool:
         """
         Return whether an image differs from the last keyframe; it is the next one then.
 
         :param vector: (d,) float32, of the image; zeros are new to all, and no keyframe.
-        :param most_similar: cosine similarity above which the robot stands still.
+        :param pose: of the robot when it was taken, None where that is not known.
         """
-        if self._vector is not None:
-            similarity = min(float(vector @ self._vector), 1.0)
-            if similarity > most_similar:
-                return False
+        if self._alike(vector, params) or self._beside(pose, params):
+            return False
         if vector.any():
-            self._vector = vector
+            self._vector, self._pose = vector, pose
         return True
 
     def restart(self) -> None:
         """Take the next image for new: another traverse begins."""
-        self._vector = None
+        self._vector = self._pose = None
+
+    def _alike(self, vector: Hypervector, params: Params) -> bool:
+        if self._vector is None:
+            return False
+        return min(float(vector @ self._vector), 1.0) > params.keyframe_similarity
+
+    def _beside(self, pose: Pose | None, params: Params) -> bool:
+        if pose is None or self._pose is None:
+            return False
+        return pose.near(self._pose, params.keyframe_distance_m, params.keyframe_angle_deg)

@@ -15,7 +15,7 @@ from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
-from hdc_place_recognition.core.keyframes import KeyframeSelector
+from hdc_place_recognition.core.keyframes import KeyframeSelector, no_odometry, Odometry
 from hdc_place_recognition.core.landmarks import keep
 from hdc_place_recognition.core.selection import StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
@@ -31,6 +31,7 @@ class PlaceRecognizer:
     :param params: may be replaced at any time; live parameters take effect with the next image.
     :param extractor: of local features.
     :param keypoints: extractor of what candidates are verified by, None to verify none.
+    :ivar odometry: asked for the robot's pose at the stamp of each image; may be replaced.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class PlaceRecognizer:
         self._selector = StampSelector()
         self._judge = Judge(displacements.offsets)
         self._keyframes = KeyframeSelector()
+        self.odometry: Odometry = no_odometry
 
     @property
     def verifies(self) -> bool:
@@ -105,7 +107,7 @@ class PlaceRecognizer:
         """
         Look at an image: return its hypervectors, or those of the sequence it ends.
 
-        An image that shows what the last keyframe shows does not count for the means.
+        An image of a robot that stands still does not count for the means.
         """
         watch, image = Stopwatch(), as_uint8(image)
         with watch.stage('extract'):
@@ -116,7 +118,8 @@ class PlaceRecognizer:
         if self._keypoints is not None:
             with watch.stage('verify'):
                 landmarks = keep(self._keypoints.extract(image))
-        moved = self._keyframes.moved(query[len(query) // 2], self.params.keyframe_similarity)
+        pose = self.odometry(stamp_ns)
+        moved = self._keyframes.moved(query[len(query) // 2], pose, self.params)
         if moved and query.any():
             with watch.stage('query'):
                 self.database.see(query)

@@ -11,7 +11,7 @@ from hdc_place_recognition.core.detection import Candidate
 from hdc_place_recognition.offline.bags import read_poses
 from hdc_place_recognition.offline.closures import Closures, count_closures
 from hdc_place_recognition.offline.groundtruth import PoseTruth
-from hdc_place_recognition.offline.inputs import Options
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.params import Params
 import numpy as np
 

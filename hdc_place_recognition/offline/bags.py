@@ -109,17 +109,18 @@ def _frame(stored: StoredMessage, last_ns: int | None) -> tuple[Frame | None, st
     return (stamp, image), f'{stored.where}: stamp {stamp} ns {wrong} the one before, {last_ns} ns'
 
 
-def read_poses(bag: Path, topic: str | None) -> Poses:
+def read_poses(bag: Path, topic: str, flag: str = '--ground-truth-topic') -> Poses:
     """
     Return the poses of an Odometry, PoseStamped or Path topic.
 
     A path may be published again and again as it grows: the newest pose of each stamp counts.
 
     :param bag: path of the bag.
-    :param topic: the topic, None for the only one of these types.
+    :param topic: the topic.
+    :param flag: by which users choose it, for messages.
     :raises PlaceRecognitionError: no such topic, no finite pose, or the bag is damaged.
     """
-    chosen, _ = choose_topic(bag, topic, POSE_TYPES, '--ground-truth-topic')
+    chosen, _ = choose_topic(bag, topic, POSE_TYPES, flag)
     stamps, rows = [], []
     for stored in messages(bag, chosen):
         message = stored.decode()

@@ -15,7 +15,8 @@ from hdc_place_recognition.core.calibration import Calibration, UNVERIFIED, VERI
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.closures import Verdict
 from hdc_place_recognition.offline.evaluate import evaluate, Evaluation
-from hdc_place_recognition.offline.inputs import open_dataset, Options
+from hdc_place_recognition.offline.inputs import open_dataset
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.params import Params
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np

@@ -15,7 +15,8 @@ from hdc_place_recognition.border import run_command
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Dataset
 from hdc_place_recognition.offline.evaluate import evaluate, Evaluation, without_progress
-from hdc_place_recognition.offline.inputs import open_dataset, Options
+from hdc_place_recognition.offline.inputs import open_dataset
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.offline.plots import draw, require_matplotlib
 from hdc_place_recognition.offline.poses import VIEW_AXES
 from hdc_place_recognition.offline.replay import Progress
@@ -73,6 +74,11 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
         '--camera-info-topic',
         metavar='TOPIC',
         help='CameraInfo in the bag: accepted candidates tell the rotation of the camera',
+    )
+    parser.add_argument(
+        '--odom-topic',
+        metavar='TOPIC',
+        help='Odometry in the bag, for keyframe_distance_m',
     )
     parser.add_argument(
         '--skip-bad',
@@ -163,6 +169,7 @@ def _options(arguments: argparse.Namespace, params: Params) -> Options:
         max_angle_deg=arguments.max_angle,
         view_axis=arguments.view_axis,
         pose_tolerance_s=params.odom_tolerance_s,
+        odom_topic=arguments.odom_topic,
         camera_info_topic=arguments.camera_info_topic,
         image_rectified=params.image_rectified,
         skip_bad=arguments.skip_bad,

@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Protocol
 
 from hdc_place_recognition.core.camera import Camera
+from hdc_place_recognition.core.keyframes import no_odometry, Odometry
 from hdc_place_recognition.param_spec import Value
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,7 @@ class Dataset:
     :param ground_truth: None if nothing is known.
     :param overrides: parameters that the data set fixes, such as the gap of a sequence.
     :param camera: that took the images, None if it is not known.
+    :param odometry: tells where the robot was.
     """
 
     name: str
@@ -81,3 +83,4 @@ class Dataset:
     ground_truth: GroundTruth | None = None
     overrides: Mapping[str, Value] = field(default_factory=dict)
     camera: Camera | None = None
+    odometry: Odometry = no_odometry

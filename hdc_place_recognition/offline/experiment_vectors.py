@@ -16,7 +16,8 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.experiment_runs import measure, Plan, Run
 from hdc_place_recognition.offline.experiment_tables import markdown
 from hdc_place_recognition.offline.experiment_variants import VARIANTS
-from hdc_place_recognition.offline.inputs import open_dataset, Options
+from hdc_place_recognition.offline.inputs import open_dataset
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.param_spec import Value
 from hdc_place_recognition.params_io import add_arguments, from_arguments
 

@@ -6,16 +6,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from hdc_place_recognition.core.camera import Camera
+from hdc_place_recognition.core.keyframes import no_odometry, Odometry
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline import bags, folders
 from hdc_place_recognition.offline.dataset import Dataset, Frames, GroundTruth, Mode
 from hdc_place_recognition.offline.groundtruth import load_matrices, MatrixTruth, PoseTruth
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.offline.poses import Poses
 from hdc_place_recognition.param_spec import Value
-from hdc_place_recognition.params import Params
 
 # Images of a folder are one second apart, and seconds are images. All of them count: whoever made
 # the folder has selected them, and the metrics are about all pairs, exactly. A bag instead is
@@ -28,41 +30,15 @@ _ALL_IMAGES: Mapping[str, Value] = {
 
 
 @dataclass(frozen=True)
-class Options:
-    """
-    How inputs are to be read.
-
-    :param topic: image topic, None for the bag's only one.
-    :param ground_truth_topic: of poses, None for no ground truth from the bag.
-    :param radius_m: images nearer than this show the same place.
-    :param max_angle_deg: if their directions of view differ by no more than this.
-    :param view_axis: axis of the body that looks ahead; None for x in bags, z in poses.csv.
-    :param pose_tolerance_s: greatest time between an image and its pose.
-    :param camera_info_topic: of the calibration, None if it does not matter.
-    :param image_rectified: whether the images are rectified.
-    :param skip_bad: go on after messages that hold no image or whose stamp does not rise.
-    """
-
-    topic: str | None = None
-    ground_truth_topic: str | None = None
-    radius_m: float = 5.0
-    max_angle_deg: float = 45.0
-    view_axis: str | None = None
-    pose_tolerance_s: float = Params.odom_tolerance_s
-    camera_info_topic: str | None = None
-    image_rectified: bool = Params.image_rectified
-    skip_bad: bool = False
-
-
-@dataclass(frozen=True)
 class _Source:
-    """One traverse: its images, and their poses and camera if these are known."""
+    """One traverse: its images, and what else is known."""
 
     frames: Frames
     poses: Poses | None
     view_axis: str
     overrides: Mapping[str, Value]
     camera: Camera | None = None
+    odometry: Odometry = no_odometry
 
 
 def open_dataset(path: Path, database: Path | None, options: Options) -> Dataset:
@@ -95,7 +71,13 @@ def _single(name: str, source: _Source, path: Path, options: Options) -> Dataset
     if matrices is None:
         truth = _pose_truth(source, source, options)
         return Dataset(
-            name, Mode.SEQUENCE, source.frames, None, truth, source.overrides, source.camera
+            name,
+            Mode.SEQUENCE,
+            source.frames,
+            ground_truth=truth,
+            overrides=source.overrides,
+            camera=source.camera,
+            odometry=source.odometry,
         )
     truth, min_gap = matrices
     if min_gap < 0:
@@ -108,6 +90,11 @@ def _traverses(
     name: str, query: _Source, reference: _Source, path: Path, options: Options
 ) -> Dataset:
     """Return two traverses; a ground-truth file is that of the queries' folder."""
+    if options.odom_topic is not None:
+        raise PlaceRecognitionError(
+            f'--odom-topic {options.odom_topic}: two traverses have no common odometry; leave it '
+            'out'
+        )
     matrices = _matrices(path, query.frames, reference.frames)
     truth = matrices[0] if matrices else _pose_truth(query, reference, options)
     return Dataset(
@@ -133,7 +120,14 @@ def _open(path: Path, options: Options) -> _Source:
     poses = (
         bags.read_poses(path, options.ground_truth_topic) if options.ground_truth_topic else None
     )
-    return _Source(images, poses, options.view_axis or 'x', {}, _camera(path, options))
+    return _Source(
+        images,
+        poses,
+        options.view_axis or 'x',
+        {},
+        _camera(path, options),
+        _odometry(path, options),
+    )
 
 
 def _camera(path: Path, options: Options) -> Camera | None:
@@ -141,6 +135,14 @@ def _camera(path: Path, options: Options) -> Camera | None:
     if options.camera_info_topic is None:
         return None
     return bags.read_camera(path, options.camera_info_topic, rectified=options.image_rectified)
+
+
+def _odometry(path: Path, options: Options) -> Odometry:
+    """Return what tells of a bag where the robot was, if it was asked for."""
+    if options.odom_topic is None:
+        return no_odometry
+    poses = bags.read_poses(path, options.odom_topic, '--odom-topic')
+    return partial(poses.before, tolerance_ns=round(options.pose_tolerance_s * 1e9))
 
 
 def _matrices(path: Path, queries: Frames, database: Frames) -> tuple[MatrixTruth, int] | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import logging
 
+from hdc_place_recognition.core.keyframes import Pose
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Stamps
 import numpy as np
@@ -59,6 +60,14 @@ class Poses:
         stamps, index = np.unique(newest_first, return_index=True)
         ordered = values[finite][::-1][index]
         return cls(stamps, ordered[:, :3], ordered[:, 3:])
+
+    def before(self, stamp_ns: int, tolerance_ns: int) -> Pose | None:
+        """Return the last pose up to a stamp, None where there is none within the tolerance."""
+        index = int(np.searchsorted(self.stamps_ns, stamp_ns, side='right')) - 1
+        if index < 0 or stamp_ns - int(self.stamps_ns[index]) > tolerance_ns:
+            return None
+        (x, y, z), (qx, qy, qz, qw) = self.positions[index], self.quaternions[index]
+        return Pose((x, y, z), (qx, qy, qz, qw))
 
     def view_directions(self, axis: str) -> NDArray[np.float64]:
         """

@@ -39,7 +39,7 @@ def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) ->
         )
     if limit := recognizer.params.max_keyframes:
         raise PlaceRecognitionError(f'max_keyframes {limit}: an evaluation needs all; set it to 0')
-    recognizer.camera = dataset.camera
+    recognizer.camera, recognizer.odometry = dataset.camera, dataset.odometry
     if dataset.mode is Mode.SEQUENCE:
         return _replay_sequence(dataset, recognizer, progress)
     if dataset.reference is None:

@@ -16,7 +16,8 @@ from hdc_place_recognition.offline.dataset import Dataset, Mode, Truth
 from hdc_place_recognition.offline.evaluate import evaluate, Evaluation
 from hdc_place_recognition.offline.folders import FolderImages
 from hdc_place_recognition.offline.groundtruth import MatrixTruth
-from hdc_place_recognition.offline.inputs import open_dataset, Options
+from hdc_place_recognition.offline.inputs import open_dataset
+from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.offline.plots import draw_calibration, require_matplotlib
 from hdc_place_recognition.params_io import add_arguments, from_arguments
 from hdc_place_recognition.pipeline import create_recognizer

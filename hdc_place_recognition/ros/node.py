@@ -9,6 +9,7 @@ from typing import Any
 
 from hdc_place_recognition.cameras import camera_from_message
 from hdc_place_recognition.core.detection import Candidate, Detection, Status
+from hdc_place_recognition.core.keyframes import Pose
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.images import image_from_message, stamp_ns
 from hdc_place_recognition.odometry import KeyframePositions
@@ -49,6 +50,7 @@ class PlaceRecognitionNode(Node):
         self._warn_of_unknown()
         self._recognizer = create_recognizer(params)
         self._positions = KeyframePositions(_nanoseconds(params.odom_tolerance_s))
+        self._recognizer.odometry = self._positions.pose_before
         self.statistics = Statistics()
         self._candidates = self.create_publisher(PointCloud2, '~/candidates', 10)
         self._closures = self.create_publisher(PointCloud2, '~/loop_closures', 10)
@@ -83,8 +85,9 @@ class PlaceRecognitionNode(Node):
         self._positions.tolerance_ns = _nanoseconds(params.odom_tolerance_s)
 
     def _on_odometry(self, message: Odometry) -> None:
-        position = message.pose.pose.position
-        self._positions.add_odometry(stamp_ns(message), (position.x, position.y, position.z))
+        at, turned = message.pose.pose.position, message.pose.pose.orientation
+        pose = Pose((at.x, at.y, at.z), (turned.x, turned.y, turned.z, turned.w))
+        self._positions.add_odometry(stamp_ns(message), pose)
 
     def _on_camera_info(self, message: CameraInfo) -> None:
         """Take the camera of the images; without one everything but their rotation is known."""
