@@ -143,5 +143,5 @@ def standardize(local: NDArray[np.float32]) -> NDArray[np.float32]:
     centred = center(local)
     if len(local) < 2:
         return centred
-    deviation = centred.std(axis=0)
-    return np.divide(centred, deviation, out=np.zeros_like(centred), where=deviation > _NOTHING)
+    deviation = np.sqrt(np.square(centred).mean(axis=0))
+    return centred / np.where(deviation > _NOTHING, deviation, np.float32(np.inf))

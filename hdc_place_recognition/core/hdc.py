@@ -56,8 +56,8 @@ def normalize(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 
     :param vectors: (..., n) float32.
     """
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    lengths = np.sqrt(np.einsum('...n,...n->...', vectors, vectors))[..., None]
+    return vectors / np.where(lengths > 0, lengths, np.float32(1))
 
 
 def cosine_similarity(a: Hypervector, b: Hypervector) -> NDArray[np.float32]:
