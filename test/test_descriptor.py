@@ -66,6 +66,27 @@ def test_folded_equals_plain(count, dimensions, subintervals):
     assert close(bundle_bound(*arguments), bundle_bound_plain(*arguments))
 
 
+def test_folded_equals_plain_where_features_move_at_once_or_not_at_all():
+    # Corners, nodes, places that repeat, and x and y at the same share: alpha_x = alpha_y.
+    positions = PositionEncoder(dimensions=1000, n_x=4, n_y=4, seed=1)
+    along = np.linspace(-5, 105, 45, dtype=np.float32)
+    corners = np.array([[0, 0], [100, 100], [25, 50], [25, 50], [100, 0]], np.float32)
+    keypoints = np.concatenate([np.stack([along, along], axis=1), corners])
+    arguments = features(len(keypoints)).descriptors, gaussian(1000, 32, 0), positions, keypoints
+    plain = bundle_bound_plain(*arguments, 101, 101)
+    assert close(bundle_bound(*arguments, 101, 101), plain)
+
+
+def test_folding_piles_up_no_rounding_errors():
+    # The sums of the nodes are changed 2000 times on the way; float64 says what is right.
+    positions = PositionEncoder(dimensions=4096, n_x=8, n_y=6, seed=1)
+    found, projection = features(1000), gaussian(4096, 32, 0)
+    places = positions.encode(found.keypoints, 320, 240).astype(np.float64)
+    exact = ((found.descriptors @ projection.T.astype(np.float64)) * places).sum(axis=0)
+    folded = bundle_bound(found.descriptors, projection, positions, found.keypoints, 320, 240)
+    assert np.abs(folded - exact).max() < 1e-5 * np.abs(exact).max()
+
+
 @pytest.mark.parametrize('shape', [(20, 15), (1, 15), (20, 1), (1, 1)])
 def test_grid_equals_plain_under_every_displacement(shape):
     positions = PositionEncoder(dimensions=1000, n_x=4, n_y=6, seed=1)

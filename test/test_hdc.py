@@ -74,3 +74,13 @@ def test_zero_vectors_are_like_nothing():
     assert hdc.cosine_similarity(zero, zero) == 0
     assert hdc.normalize(zero).tolist() == [0, 0, 0, 0]
     assert hdc.bundle(np.empty((0, 4), np.float32)).tolist() == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ('dimensions', 'last'), [(1000, slice(768, 1000)), (512, slice(256, 512))]
+)
+def test_blocks_cover_all_dimensions_once(dimensions, last):
+    blocks = list(hdc.blocks(dimensions))
+    assert blocks[-1] == last
+    covered = np.concatenate([np.arange(dimensions)[block] for block in blocks])
+    assert np.array_equal(covered, np.arange(dimensions))

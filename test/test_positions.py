@@ -26,6 +26,25 @@ def test_split_by_hand():
     assert np.array_equal(encoder.encode(np.array([[5, 0]], np.float32), 9, 9)[0], expected)
 
 
+@pytest.mark.parametrize('size', [1, 7, 8, 100])
+def test_blocks_show_what_equation_2_says(size):
+    encoder = PositionEncoder(dimensions=30, n_x=3, n_y=2, seed=0)
+    splits = encoder.splits_x(np.linspace(-1, 101, 60, dtype=np.float32).reshape(3, 20), 101)
+    assert {0, 30} <= set(splits.alpha.ravel())
+    blocks = list(hdc.blocks(30, size))
+    shown = np.concatenate([splits.show(encoder.basis_x, each) for each in blocks], axis=-1)
+    on_the_left = np.arange(30) < splits.alpha[..., None]
+    left, right = encoder.basis_x[splits.left], encoder.basis_x[splits.left + 1]
+    assert np.array_equal(shown, np.where(on_the_left, left, right))
+
+
+def test_nodes_are_bound_pairs():
+    encoder = PositionEncoder(dimensions=30, n_x=3, n_y=2, seed=0)
+    nodes = encoder.nodes(slice(10, 20))
+    assert nodes.shape == (4 * 3, 10)
+    assert np.array_equal(nodes[1 * 3 + 2], (encoder.basis_x[1] * encoder.basis_y[2])[10:20])
+
+
 def test_alpha_is_rounded_half_up():
     # x = 1 of 16 steps: to the right remain 15/16 of 8 dimensions = 7.5, rounded to 8.
     encoder = PositionEncoder(dimensions=8, n_x=1, n_y=1, seed=0)

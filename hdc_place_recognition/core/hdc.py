@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,3 +72,14 @@ def cosine_similarity(a: Hypervector, b: Hypervector) -> NDArray[np.float32]:
     """
     similarity: NDArray[np.float32] = np.einsum('...d,...d->...', normalize(a), normalize(b))
     return similarity
+
+
+def blocks(dimensions: int, size: int = 256) -> Iterator[slice]:
+    """
+    Yield all dimensions in order, some at a time.
+
+    The default is as many as pay a call, and few enough that what is made of them stays in the
+    cache, in memory that is reused rather than asked for.
+    """
+    for start in range(0, dimensions, size):
+        yield slice(start, min(start + size, dimensions))

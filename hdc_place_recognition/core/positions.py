@@ -23,9 +23,19 @@ class Splits:
     left: NDArray[np.intp]
     alpha: NDArray[np.intp]
 
-    def basis_index(self, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return which basis vector each position shows at (t,) dimensions, as (..., t)."""
-        return self.left[..., None] + (dimensions >= self.alpha[..., None])
+    def show(self, basis: hdc.Hypervector, block: slice) -> hdc.Hypervector:
+        """
+        Return what positions show in a block of dimensions (Eq. 2), (..., t) float32.
+
+        Most of them show one basis vector throughout a short block; only those that change to
+        the right one within it are looked at dimension by dimension.
+        """
+        shown = basis[:, block].take(self.left + (self.alpha <= block.start), axis=0)
+        changes = (self.alpha > block.start) & (self.alpha < block.stop)
+        right = basis[self.left[changes] + 1, block]
+        from_right = np.arange(block.start, block.stop) >= self.alpha[changes][:, None]
+        shown[changes] = np.where(from_right, right, shown[changes])
+        return shown
 
 
 class PositionEncoder:
@@ -60,11 +70,16 @@ class PositionEncoder:
 
     def encode_x(self, x: NDArray[np.float32], width: int) -> hdc.Hypervector:
         """Return the vectors X of (...) horizontal positions in pixels, as (..., d) float32."""
-        return _show(self.basis_x, self.splits_x(x, width))
+        return self.splits_x(x, width).show(self.basis_x, slice(0, self.dimensions))
 
     def encode_y(self, y: NDArray[np.float32], height: int) -> hdc.Hypervector:
         """Return the vectors Y of (...) vertical positions in pixels, as (..., d) float32."""
-        return _show(self.basis_y, self.splits_y(y, height))
+        return self.splits_y(y, height).show(self.basis_y, slice(0, self.dimensions))
+
+    def nodes(self, block: slice) -> hdc.Hypervector:
+        """Return all pairs of basis vectors, bound, in a block: (n_x + 1)(n_y + 1), y fastest."""
+        pairs = hdc.bind(self.basis_x[:, None, block], self.basis_y[None, :, block])
+        return pairs.reshape(-1, pairs.shape[-1])
 
     def splits_x(self, x: NDArray[np.float32], width: int) -> Splits:
         """Return where the vectors of horizontal positions change."""
@@ -86,9 +101,3 @@ def _splits(position: NDArray[np.float32], extent: int, parts: int, dimensions: 
     left = np.minimum(along.astype(np.intp), parts - 1)
     to_right = 1 - (along - left)
     return Splits(left, np.floor(dimensions * to_right + 0.5).astype(np.intp))
-
-
-def _show(basis: hdc.Hypervector, splits: Splits) -> hdc.Hypervector:
-    """Return the entries of the basis vectors that positions show, (..., d)."""
-    every = np.arange(basis.shape[1])
-    return basis[splits.basis_index(every), every]
