@@ -6,7 +6,12 @@ from __future__ import annotations
 
 from hdc_place_recognition.core import hdc
 from hdc_place_recognition.core.descriptor import DescriptorEncoder, gaussian, orthogonal
-from hdc_place_recognition.core.displacements import bundle_grid, Displacements, plan_grid
+from hdc_place_recognition.core.displacements import (
+    bundle_displaced,
+    bundle_grid,
+    Displacements,
+    plan_grid,
+)
 from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
 from hdc_place_recognition.core.positions import PositionEncoder
@@ -85,6 +90,23 @@ def test_folding_piles_up_no_rounding_errors():
     exact = ((found.descriptors @ projection.T.astype(np.float64)) * places).sum(axis=0)
     folded = bundle_bound(found.descriptors, projection, positions, found.keypoints, 320, 240)
     assert np.abs(folded - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize('count', [1, 2, 300])
+@pytest.mark.parametrize('dimensions', [1000, 4096])
+@pytest.mark.parametrize('counts', [(5, 3), (1, 3), (1, 1)])
+def test_displaced_equals_plain_under_every_displacement(count, dimensions, counts):
+    positions = PositionEncoder(dimensions=dimensions, n_x=8, n_y=6, seed=1)
+    projection, found = gaussian(dimensions, 32, 0), features(count)
+    displacements = Displacements(*counts, 0.1)
+    bundled = bundle_displaced(
+        found.descriptors, projection, positions, found.keypoints, 320, 240, displacements
+    )
+    assert bundled.shape == (counts[0] * counts[1], dimensions) and bundled.dtype == np.float32
+    for vector, (dx, dy) in zip(bundled, displacements.offsets, strict=True):
+        moved = found.keypoints + np.array([dx * 320, dy * 240], np.float32)
+        plain = bundle_bound_plain(found.descriptors, projection, positions, moved, 320, 240)
+        assert close(vector, plain)
 
 
 @pytest.mark.parametrize('shape', [(20, 15), (1, 15), (20, 1), (1, 1)])

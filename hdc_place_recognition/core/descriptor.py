@@ -8,6 +8,7 @@ from functools import cache
 
 from hdc_place_recognition.core import hdc
 from hdc_place_recognition.core.displacements import (
+    bundle_displaced,
     bundle_grid,
     Displacements,
     GridPlan,
@@ -69,23 +70,18 @@ class DescriptorEncoder:
         if np.linalg.norm(local) <= _NOTHING:
             shape = len(self.displacements.offsets), self.positions.dimensions
             return np.zeros(shape, np.float32)
+        return hdc.normalize(self._bundle(local, features))
+
+    def _bundle(self, local: NDArray[np.float32], features: LocalFeatures) -> hdc.Hypervector:
+        """Return the descriptors before they are normalized, in the cheapest of three ways."""
         projection = self.projection(local.shape[1])
+        places = self.positions, features.keypoints, features.width, features.height
+        if len(self.displacements.offsets) == 1:
+            return bundle_bound(local, projection, *places)[None]
         plan = self._plan(features)
         if plan is not None:
-            return hdc.normalize(bundle_grid(local, projection, plan))
-        extent = np.array([features.width, features.height], np.float32)
-        bundled = [
-            bundle_bound(
-                local,
-                projection,
-                self.positions,
-                features.keypoints + offset * extent,
-                features.width,
-                features.height,
-            )
-            for offset in self.displacements.offsets
-        ]
-        return hdc.normalize(np.stack(bundled))
+            return bundle_grid(local, projection, plan)
+        return bundle_displaced(local, projection, *places, self.displacements)
 
     def _plan(self, features: LocalFeatures) -> GridPlan | None:
         """Return the plan for a regular grid; the last one is kept, grids rarely change."""

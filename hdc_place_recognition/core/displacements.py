@@ -48,6 +48,14 @@ class Displacements:
         x, y = np.meshgrid(self.x, self.y)
         return np.stack([x.ravel(), y.ravel()], axis=1)
 
+    def displace_x(self, x: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+        """Return (k,) horizontal positions in pixels under each displacement, (count_x, k)."""
+        return np.add.outer(self.x * np.float32(width), x)
+
+    def displace_y(self, y: NDArray[np.float32], height: int) -> NDArray[np.float32]:
+        """Return (k,) vertical positions in pixels under each displacement, (count_y, k)."""
+        return np.add.outer(self.y * np.float32(height), y)
+
     @property
     def none(self) -> int:
         """Return the index of the displacement by nothing."""
@@ -109,11 +117,11 @@ def plan_grid(
     x, y = keypoints[:columns, 0], keypoints[::columns, 1]
     if not np.array_equal(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), keypoints):
         return None
-    shifted_x = np.add.outer(x, displacements.x * np.float32(width))
-    shifted_y = np.add.outer(displacements.y * np.float32(height), y)
+    vectors_x = positions.encode_x(displacements.displace_x(x, width), width)
+    vectors_y = positions.encode_y(displacements.displace_y(y, height), height)
     return GridPlan(
-        np.ascontiguousarray(np.moveaxis(positions.encode_x(shifted_x, width), -1, 0)),
-        np.ascontiguousarray(np.moveaxis(positions.encode_y(shifted_y, height), -1, 0)),
+        np.ascontiguousarray(vectors_x.transpose(2, 1, 0)),
+        np.ascontiguousarray(vectors_y.transpose(2, 0, 1)),
     )
 
 
@@ -123,14 +131,47 @@ def bundle_grid(
     """
     Return sum of (W f_i) * P_i (Eq. 4) under every displacement.
 
-    P = X * Y, and on a grid the features of a column share X and those of a row share Y. So the
-    sum over columns and then over rows are, for each dimension, two small matrix products.
+    P = X * Y, and on a grid the features of a row share Y and those of a column share X. So the
+    sum over rows and then over columns are, for each dimension, two small matrix products.
 
     :param local: (rows * columns, m) float32, preprocessed descriptors.
     :param projection: W, (d, m) float32.
     :return: (count_y * count_x, d) float32.
     """
-    dimensions, columns, _ = plan.x.shape
-    projected = (projection @ local.T).reshape(dimensions, -1, columns)
-    bundled = plan.y @ (projected @ plan.x)
-    return np.ascontiguousarray(bundled.reshape(dimensions, -1).T)
+    dimensions, columns, count_x = plan.x.shape
+    count = plan.y.shape[1] * count_x
+    bundled = np.empty((count, dimensions), np.float32)
+    for block in hdc.blocks(dimensions):
+        projected = (projection[block] @ local.T).reshape(-1, plan.y.shape[2], columns)
+        bundled[:, block] = (plan.y[block] @ projected @ plan.x[block]).reshape(-1, count).T
+    return bundled
+
+
+def bundle_displaced(
+    local: NDArray[np.float32],
+    projection: NDArray[np.float32],
+    positions: PositionEncoder,
+    keypoints: NDArray[np.float32],
+    width: int,
+    height: int,
+    displacements: Displacements,
+) -> hdc.Hypervector:
+    """
+    Return sum of (W f_i) * P_i (Eq. 4) under every displacement, for features anywhere.
+
+    P = X * Y, and X only knows the horizontal displacement, Y the vertical one. So a feature is
+    projected once, bound to count_x vectors X, and only then meets count_y vectors Y.
+
+    :param local: (k, m) float32, preprocessed descriptors.
+    :param projection: W, (d, m) float32.
+    :param keypoints: (k, 2) float32, pixels.
+    :return: (count_y * count_x, d) float32.
+    """
+    x = positions.splits_x(displacements.displace_x(keypoints[:, 0], width), width)
+    y = positions.splits_y(displacements.displace_y(keypoints[:, 1], height), height)
+    bundled = np.empty((len(y.left), len(x.left), positions.dimensions), np.float32)
+    for block in hdc.blocks(positions.dimensions):
+        bound = hdc.bind(x.show(positions.basis_x, block), local @ projection[block].T)
+        vectors_y = y.show(positions.basis_y, block)
+        np.einsum('yit,xit->yxt', vectors_y, bound, out=bundled[..., block])
+    return bundled.reshape(-1, positions.dimensions)
