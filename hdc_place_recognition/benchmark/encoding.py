@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement, milliseconds
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
-from hdc_place_recognition.core.displacements import Displacements
+from hdc_place_recognition.core.displacements import bundle_displaced, Displacements
 from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
 from hdc_place_recognition.params import Params
@@ -22,12 +22,18 @@ _ROWS, _COLUMNS, _CHANNELS = 15, 20, 112
 
 
 def measure_encoding(_: Settings) -> Iterator[Measurement]:
-    """Yield the cost of one image: projected only, written plainly, folded, and on a grid."""
+    """Yield the cost of one image: keypoints as they are and displaced, and a displaced grid."""
     rng = np.random.default_rng(0)
+    yield from _measure_keypoints(rng)
+    yield from _measure_grid(rng)
+
+
+def _measure_keypoints(rng: np.random.Generator) -> Iterator[Measurement]:
+    """Yield what keypoints cost: projected only, written plainly, folded, and displaced."""
     keypoints = (rng.random((_FEATURES, 2)) * (_WIDTH, _HEIGHT)).astype(np.float32)
     local = rng.standard_normal((_FEATURES, _LENGTH), np.float32)
-    encoder = _encoder(1)
-    projection = encoder.projection(_LENGTH)
+    encoder = _encoder(Params().displacements_x)
+    projection, displacements = encoder.projection(_LENGTH), encoder.displacements
     inputs = local, projection, encoder.positions, keypoints, _WIDTH, _HEIGHT
     size = f'{_FEATURES} x {_LENGTH}'
     alone = milliseconds(lambda: local @ projection.T)
@@ -38,12 +44,16 @@ def measure_encoding(_: Settings) -> Iterator[Measurement]:
     name = f'encoding folded, {size}'
     yield Measurement(name, folded, 'ms', folded / alone, 'projection', '<= 1.1')
     yield Measurement(name, folded, 'ms', folded / plain, 'plain', '<= 0.25')
-    yield from _measure_grid(rng)
+    displaced = milliseconds(lambda: bundle_displaced(*inputs, displacements))
+    count = len(displacements.offsets)
+    name = f'encoding, {size}, {count} displacements'
+    yield Measurement(name, displaced, 'ms', displaced / alone, 'projection')
+    yield Measurement(name, displaced, 'ms', displaced / folded, 'folded', f'< {count}')
 
 
 def _measure_grid(rng: np.random.Generator) -> Iterator[Measurement]:
-    count = Params().displacements_x
-    encoder = _encoder(count)
+    """Yield what the default extractor's features cost, against their projection alone."""
+    encoder = _encoder(Params().displacements_x)
     x, y = np.meshgrid(np.arange(_COLUMNS) * 32, np.arange(_ROWS) * 32)
     keypoints = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
     local = rng.standard_normal((len(keypoints), _CHANNELS), np.float32)
@@ -53,7 +63,7 @@ def _measure_grid(rng: np.random.Generator) -> Iterator[Measurement]:
     alone = milliseconds(lambda: projection @ local.T)
     yield Measurement(f'projection alone, {size}', alone, 'ms')
     grid = milliseconds(lambda: encoder.encode(features))
-    name = f'encoding a grid, {size}, {count * count} displacements'
+    name = f'encoding a grid, {size}, {len(encoder.displacements.offsets)} displacements'
     yield Measurement(name, grid, 'ms', grid / alone, 'projection')
 
 
