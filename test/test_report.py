@@ -80,7 +80,7 @@ def test_json_is_alone_on_stdout_and_equals_the_file(loop, tmp_path, capsys):
     assert (metrics['closures_true'], metrics['closures_false']) == (2, 0)
     assert (metrics['precision'], metrics['recall'], metrics['queries_with_match']) == (1, 1, 2)
     assert (metrics['images'], metrics['features_per_image']) == (9, 16)
-    stages = {'read', 'extract', 'encode', 'query', 'insert', 'verify', 'total'}
+    stages = {'read', 'extract', 'encode', 'keypoints', 'query', 'insert', 'verify', 'total'}
     assert set(metrics['ms_per_image']) == stages
 
 

@@ -107,7 +107,7 @@ class Detection:
     :param keyframe_id: the number under which the image was stored, None if it was not. Images
         are counted from 0; the number is the row until images before it are forgotten.
     :param forgotten_id: the number of the image that was forgotten for it, None if none was.
-    :param milliseconds: spent in extract, encode, query, verify and insert.
+    :param milliseconds: spent in extract, encode, keypoints, query, verify, insert.
     """
 
     stamp_ns: int

@@ -116,7 +116,7 @@ class PlaceRecognizer:
             query = self._sequence.push(self._encoder.encode(features))
         landmarks = None
         if self._keypoints is not None:
-            with watch.stage('verify'):
+            with watch.stage('keypoints'):
                 landmarks = keep(self._keypoints.extract(image))
         pose = self.odometry(stamp_ns)
         moved = self._keyframes.moved(query[len(query) // 2], pose, self.params)

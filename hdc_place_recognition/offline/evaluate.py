@@ -19,7 +19,7 @@ from hdc_place_recognition.offline.replay import Progress, replay
 from hdc_place_recognition.params import Params
 import numpy as np
 
-STAGES = ('read', 'extract', 'encode', 'query', 'insert', 'verify')
+STAGES = ('read', 'extract', 'encode', 'keypoints', 'query', 'insert', 'verify')
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ import numpy as np
 
 # Images of one traverse, looked at by itself, are compared with those so many older.
 _TRAVERSE_GAP = 10.0
+_STAGES = ('extract', 'encode', 'query', 'keypoints', 'verify')
 _COLUMNS: Sequence[str] = (
     'run',
     'images',
@@ -34,10 +35,8 @@ _COLUMNS: Sequence[str] = (
     'recall',
     'R@100P',
     'highest wrong',
-    'ms extract',
-    'encode',
-    'query',
-    'verify',
+    f'ms {_STAGES[0]}',
+    *_STAGES[1:],
     'KB a keyframe',
 )
 
@@ -117,8 +116,7 @@ def _rows(evaluation: Evaluation) -> Iterator[Sequence[str]]:
     judged, cost = evaluation.judgement, evaluation.cost
     accepted = evaluation.recording.cells(accepted_only=True)
     kilobytes = cost.database_bytes / 1000 / max(len(evaluation.recording.image_of_row), 1)
-    costs = [f'{cost.ms_per_image[stage]:.1f}' for stage in ('extract', 'encode', 'query')]
-    costs += [f'{cost.ms_per_image["verify"]:.1f}', f'{kilobytes:.1f}']
+    costs = [f'{cost.ms_per_image[stage]:.1f}' for stage in _STAGES] + [f'{kilobytes:.1f}']
     name, images = evaluation.dataset.name, len(evaluation.recording.detections)
     if judged is None:
         wrong = _highest(best.score for best in _best(evaluation))
