@@ -3,10 +3,12 @@
 """The recogniser as the node and the offline tools use it."""
 
 from conftest import CellExtractor, texture
+import cv2
 from hdc_place_recognition.core.detection import Detection, Status
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params import Params
+from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 import pytest
 
@@ -155,3 +157,24 @@ def test_every_stage_is_timed():
     found = drive(list(range(7)))[-1]
     assert set(found.milliseconds) == {'extract', 'encode', 'query', 'insert'}
     assert all(spent >= 0 for spent in found.milliseconds.values())
+
+
+@pytest.mark.parametrize('length', [1, 3])
+def test_warm_up_leaves_no_trace(length):
+    params = BASE.replace(extractor='gradient_grid', sequence_length=length, min_score=0.0)
+    cold, warm = create_recognizer(params), create_recognizer(params)
+    warm.warm_up(160, 120)
+    assert len(warm.database) == 0
+    places = [*range(8), 3, 4]
+    for index, place in enumerate(places):
+        image = cv2.resize(texture(place), (160, 120), interpolation=cv2.INTER_CUBIC)
+        found, expected = (one.process(index * S, image) for one in (warm, cold))
+        assert found == expected
+        assert np.array_equal(found.similarities, expected.similarities)
+    assert found.candidates[0].inliers > 0
+
+
+def test_warm_up_has_seen_to_everything():
+    one = recognizer()
+    one.warm_up(64, 48)
+    assert one._looker._encoder.projection.cache_info().currsize == 1

@@ -9,14 +9,13 @@ from typing import Any
 
 from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.detection import Candidate, Description, Detection, status_of
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
 from hdc_place_recognition.core.keyframes import KeyframeSelector, no_odometry, Odometry
-from hdc_place_recognition.core.landmarks import keep
+from hdc_place_recognition.core.looking import Looker
 from hdc_place_recognition.core.selection import StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
@@ -49,16 +48,7 @@ class PlaceRecognizer:
             displacements.groups,
             params.max_keyframes,
         )
-        self._extractor, self._keypoints = extractor, keypoints
-        self._encoder = DescriptorEncoder(
-            dimensions=params.dimensions,
-            n_x=params.n_x,
-            n_y=params.n_y,
-            preprocessing=params.preprocessing,
-            projection=params.projection,
-            displacements=displacements,
-            seed=params.seed,
-        )
+        self._looker = Looker(params, extractor, keypoints, displacements)
         self._sequence = SequenceBundler(
             dimensions=params.dimensions, length=params.sequence_length, seed=params.seed
         )
@@ -70,7 +60,7 @@ class PlaceRecognizer:
     @property
     def verifies(self) -> bool:
         """Return whether candidates are verified by their geometry."""
-        return self._keypoints is not None
+        return self._looker.verifies
 
     @property
     def camera(self) -> Camera | None:
@@ -80,6 +70,10 @@ class PlaceRecognizer:
     @camera.setter
     def camera(self, camera: Camera | None) -> None:
         self._judge.camera = camera
+
+    def warm_up(self, width: int, height: int) -> None:
+        """Make the first image of this size take no longer than others; leaves no trace."""
+        self._looker.warm_up(width, height)
 
     def process(self, stamp_ns: int, image: NDArray[Any]) -> Detection:
         """
@@ -110,21 +104,21 @@ class PlaceRecognizer:
         An image of a robot that stands still does not count for the means.
         """
         watch, image = Stopwatch(), as_uint8(image)
-        with watch.stage('extract'):
-            features = self._extractor.extract(image)
+        sight = self._looker.look(image, watch)
         with watch.stage('encode'):
-            query = self._sequence.push(self._encoder.encode(features))
-        landmarks = None
-        if self._keypoints is not None:
-            with watch.stage('keypoints'):
-                landmarks = keep(self._keypoints.extract(image))
+            query = self._sequence.push(sight.vectors)
         pose = self.odometry(stamp_ns)
         moved = self._keyframes.moved(query[len(query) // 2], pose, self.params)
         if moved and query.any():
             with watch.stage('query'):
                 self.database.see(query)
         return Description(
-            stamp_ns, query, len(features), moved, landmarks, milliseconds=watch.milliseconds
+            stamp_ns,
+            query,
+            sight.n_features,
+            moved,
+            sight.landmarks,
+            milliseconds=watch.milliseconds,
         )
 
     def recognize(

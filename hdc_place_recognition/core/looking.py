@@ -1,0 +1,89 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Seeing in an image what it is compared and verified by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdc_place_recognition.core.descriptor import DescriptorEncoder
+from hdc_place_recognition.core.displacements import Displacements
+from hdc_place_recognition.core.features import Extractor
+from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.core.landmarks import keep, Landmarks
+from hdc_place_recognition.core.stopwatch import Stopwatch
+from hdc_place_recognition.core.verification import verify
+from hdc_place_recognition.params import Params
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Sight:
+    """
+    What there is to see in an image.
+
+    :param vectors: (s, d) float32, the image under each displacement; zeros if nothing is seen.
+    :param landmarks: to verify it by, None where nothing is verified.
+    """
+
+    n_features: int
+    vectors: Hypervector
+    landmarks: Landmarks | None
+
+
+class Looker:
+    """
+    Looks at one image at a time; no image leaves a trace.
+
+    :param extractor: of local features.
+    :param keypoints: extractor of what images are verified by, None to verify none.
+    :param displacements: under which images are encoded.
+    """
+
+    def __init__(
+        self,
+        params: Params,
+        extractor: Extractor,
+        keypoints: Extractor | None,
+        displacements: Displacements,
+    ) -> None:
+        self.verifies = keypoints is not None
+        self._extractor, self._keypoints = extractor, keypoints
+        self._encoder = DescriptorEncoder(
+            dimensions=params.dimensions,
+            n_x=params.n_x,
+            n_y=params.n_y,
+            preprocessing=params.preprocessing,
+            projection=params.projection,
+            displacements=displacements,
+            seed=params.seed,
+        )
+
+    def look(self, image: NDArray[np.uint8], watch: Stopwatch) -> Sight:
+        """
+        Return what is seen.
+
+        :param image: (h, w) grey or (h, w, 3) BGR.
+        """
+        with watch.stage('extract'):
+            features = self._extractor.extract(image)
+        with watch.stage('encode'):
+            vectors = self._encoder.encode(features)
+        landmarks = None
+        if self._keypoints is not None:
+            with watch.stage('keypoints'):
+                landmarks = keep(self._keypoints.extract(image))
+        return Sight(len(features), vectors, landmarks)
+
+    def warm_up(self, width: int, height: int) -> None:
+        """
+        Do what the first image of this size would have to wait for.
+
+        It draws the random projection, plans the grid of positions, and makes libraries set up
+        what they set up when they are first used.
+        """
+        noise = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
+        landmarks = self.look(noise, Stopwatch()).landmarks
+        if landmarks is not None:
+            verify(landmarks, landmarks)
