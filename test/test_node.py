@@ -154,20 +154,20 @@ def test_calibration_is_taken_and_a_bad_one_is_none(bench):
     bench.until(lambda: calibration.get_subscription_count())
     message = CameraInfo(width=64, height=48, k=[50.0, 0, 32, 0, 50, 24, 0, 0, 1])
     calibration.publish(message)
-    bench.until(lambda: bench.node._recognizer.camera)
-    assert bench.node._recognizer.camera.took(48 / 64)
+    bench.until(lambda: bench.node.recognizer.camera)
+    assert bench.node.recognizer.camera.took(48 / 64)
     message.k = [0.0] * 9
     calibration.publish(message)
-    bench.until(lambda: bench.node._recognizer.camera is None)
+    bench.until(lambda: bench.node.recognizer.camera is None)
 
 
 def test_live_parameter_is_set_and_a_bad_one_refused_with_a_reason(bench):
     good = parameter(bench, 'set_parameters', [Parameter('min_score', value=0.25)])
     assert good.results[0].successful
-    assert bench.node._recognizer.params.min_score == 0.25
+    assert bench.node.recognizer.params.min_score == 0.25
     whole = parameter(bench, 'set_parameters', [Parameter('min_score', value=1)])
     assert whole.results[0].successful
-    assert bench.node._recognizer.params.min_score == 1.0
+    assert bench.node.recognizer.params.min_score == 1.0
     for name, value, reason in [
         ('min_score', 1.5, 'min_score'),
         ('min_score', 2, 'outside 0 to 1'),
@@ -177,7 +177,7 @@ def test_live_parameter_is_set_and_a_bad_one_refused_with_a_reason(bench):
         bad = parameter(bench, 'set_parameters', [Parameter(name, value=value)]).results[0]
         assert not bad.successful
         assert reason in bad.reason
-    assert bench.node._recognizer.params.min_score == 1.0
+    assert bench.node.recognizer.params.min_score == 1.0
 
 
 def test_parameters_are_described(bench):

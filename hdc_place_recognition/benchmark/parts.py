@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from hdc_place_recognition.benchmark.encoding import measure_encoding
 from hdc_place_recognition.benchmark.images import measure_extraction, measure_pipeline
+from hdc_place_recognition.benchmark.node import measure_node
 from hdc_place_recognition.benchmark.search import measure_search
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement
@@ -19,6 +20,7 @@ PARTS: Mapping[str, Callable[[Settings], Iterator[Measurement]]] = MappingProxyT
         'search': measure_search,
         'extraction': measure_extraction,
         'pipeline': measure_pipeline,
+        'node': measure_node,
     }
 )
 # What takes minutes or gigabytes is measured only if it is asked for.

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 import signal
 import sys
@@ -27,14 +27,17 @@ _START_ERRORS = (
 )
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(
+    argv: Sequence[str] | None = None,
+    create: Callable[[], PlaceRecognitionNode] = PlaceRecognitionNode,
+) -> int:
     """Run the node until it is interrupted; 2 if it cannot start, with one line that says why."""
     node = None
     try:
         _initialize(argv)
         # Made first: a signal that comes before the node spins finds it complete.
         executor = SingleThreadedExecutor()
-        node = PlaceRecognitionNode()
+        node = create()
         _spin(executor, node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -50,10 +50,10 @@ class PlaceRecognitionNode(Node):
         parameters = RosParameters(self, self._on_parameters)
         params = parameters.params
         self._warn_of_unknown()
-        self._recognizer = create_recognizer(params)
-        self._recognizer.warm_up(*_USUAL_SIZE)
+        self.recognizer = create_recognizer(params)
+        self.recognizer.warm_up(*_USUAL_SIZE)
         self._positions = KeyframePositions(_nanoseconds(params.odom_tolerance_s))
-        self._recognizer.odometry = self._positions.pose_before
+        self.recognizer.odometry = self._positions.pose_before
         self.statistics = Statistics()
         self._candidates = self.create_publisher(PointCloud2, '~/candidates', 10)
         self._closures = self.create_publisher(PointCloud2, '~/loop_closures', 10)
@@ -68,7 +68,7 @@ class PlaceRecognitionNode(Node):
         self._diagnostics = Diagnostics(self, self._input.problem, self._values)
         self.get_logger().info(
             f'listening to {self._input.topic} ({params.image_transport}, {params.image_qos}), '
-            f'features: {self._recognizer.database.extractor}'
+            f'features: {self.recognizer.database.extractor}'
         )
 
     def destroy_node(self) -> None:
@@ -84,7 +84,7 @@ class PlaceRecognitionNode(Node):
             )
 
     def _on_parameters(self, params: Params) -> None:
-        self._recognizer.params = params
+        self.recognizer.params = params
         self._positions.tolerance_ns = _nanoseconds(params.odom_tolerance_s)
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -95,10 +95,10 @@ class PlaceRecognitionNode(Node):
     def _on_camera_info(self, message: CameraInfo) -> None:
         """Take the camera of the images; without one everything but their rotation is known."""
         try:
-            rectified = self._recognizer.params.image_rectified
-            self._recognizer.camera = camera_from_message(message, rectified=rectified)
+            rectified = self.recognizer.params.image_rectified
+            self.recognizer.camera = camera_from_message(message, rectified=rectified)
         except PlaceRecognitionError as error:
-            self._recognizer.camera = None
+            self.recognizer.camera = None
             self.get_logger().warning(str(error), throttle_duration_sec=_WARN_PERIOD_S)
 
     def _on_image(self, message: Any) -> None:
@@ -107,7 +107,7 @@ class PlaceRecognitionNode(Node):
     def _answer(self, message: Any) -> None:
         """Process an image in the worker's thread; whatever is wrong with it must not end it."""
         try:
-            detection = self._recognizer.process(stamp_ns(message), image_from_message(message))
+            detection = self.recognizer.process(stamp_ns(message), image_from_message(message))
         except PlaceRecognitionError as error:
             self._refuse(str(error))
         except Exception as error:
@@ -145,7 +145,7 @@ class PlaceRecognitionNode(Node):
 
     def _values(self) -> dict[str, str]:
         """Return the facts for /diagnostics."""
-        database = self._recognizer.database
+        database = self.recognizer.database
         return {
             **self.statistics.values(),
             'features': database.extractor,

@@ -1,0 +1,115 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The node in a process of its own, with a database that is full before it spins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+import subprocess
+import sys
+
+from hdc_place_recognition.benchmark.images import street
+from hdc_place_recognition.benchmark.vectors import World
+from hdc_place_recognition.core.hdc import normalize
+from hdc_place_recognition.core.landmarks import Landmarks
+from hdc_place_recognition.core.recognizer import PlaceRecognizer
+from hdc_place_recognition.ros.main import main as run_node
+from hdc_place_recognition.ros.node import PlaceRecognitionNode
+import numpy as np
+
+TOPIC = '/benchmark/image'
+# One keyframe in so many shows the drive, once more; the others are of elsewhere.
+_DRIVE_EVERY = 10
+# What is different when a place is seen again, in steps of the stored bytes.
+_OTHER_LIGHT, _OTHER_PLACE = 6, 100
+_VIEW_NOISE = 0.5
+# Keyframes are older than any image that comes.
+_LONG_AGO_NS = 10**15
+_SHUTDOWN_S = 10.0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The images that are shown to the node, and how many keyframes it has before."""
+
+    keyframes: int
+    images: int
+    width: int
+    height: int
+
+
+@contextmanager
+def node_process(drive: Drive) -> Iterator[subprocess.Popen[bytes]]:
+    """Run the node beside this process and end it, whatever happens."""
+    numbers = (drive.keyframes, drive.images, drive.width, drive.height)
+    words = ['--ros-args', '--log-level', 'warn', '-r', f'image:={TOPIC}']
+    words += ['-p', 'min_interval_s:=0.0']
+    command = [sys.executable, '-m', __name__, *map(str, numbers), *words]
+    process = subprocess.Popen(command)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(_SHUTDOWN_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the node until it is interrupted."""
+    drive = Drive(*map(int, argv[:4]))
+
+    def create() -> PlaceRecognitionNode:
+        node = PlaceRecognitionNode()
+        fill(node.recognizer, drive)
+        return node
+
+    return run_node(argv[4:], create)
+
+
+def fill(recognizer: PlaceRecognizer, drive: Drive) -> None:
+    """
+    Fill a database with keyframes, some of which every image of the drive will be found in.
+
+    Landmarks are those of the drive's images, with noise: where nothing is found, matching them
+    costs what it costs on a robot, and where something is, geometry is checked for all of it.
+    """
+    images = street(drive.images, drive.width, drive.height)
+    views = [recognizer.describe(0, image) for image in images]
+    world, rng = World(drive.keyframes), np.random.default_rng(0)
+    for number in range(drive.keyframes):
+        visit, elsewhere = divmod(number, _DRIVE_EVERY)
+        view = views[visit % len(views)]
+        row = world.row(number)
+        if not elsewhere:
+            noise = _VIEW_NOISE * normalize(rng.standard_normal(row.shape, np.float32))
+            row = normalize(view.query[len(view.query) // 2] + noise)
+        recognizer.database.add(
+            number,
+            number - _LONG_AGO_NS,
+            np.broadcast_to(row, view.query.shape),
+            view.landmarks and _seen_again(view.landmarks, rng),
+        )
+    recognizer.start_sequence()
+
+
+def _seen_again(landmarks: Landmarks, rng: np.random.Generator) -> Landmarks:
+    """Return the landmarks a little elsewhere and in another light."""
+    return replace(
+        landmarks,
+        places=_noisy(landmarks.places, _OTHER_PLACE, rng),
+        descriptors=_noisy(landmarks.descriptors, _OTHER_LIGHT, rng),
+    )
+
+
+def _noisy(values: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarray:
+    noise = rng.integers(-most, most + 1, values.shape, np.int32)
+    return np.clip(values + noise, 0, np.iinfo(values.dtype).max).astype(values.dtype)
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
