@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 import subprocess
 import sys
+from typing import Any
 
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.vectors import World
@@ -18,11 +19,13 @@ from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.ros.main import main as run_node
 from hdc_place_recognition.ros.node import PlaceRecognitionNode
 import numpy as np
+from numpy.typing import NDArray
 
 TOPIC = '/benchmark/image'
 # One keyframe in so many shows the drive, once more; the others are of elsewhere.
 _DRIVE_EVERY = 10
-# What is different when a place is seen again, in steps of the stored bytes.
+# Of the landmarks of a place so many are found again, a little different: steps of what is stored.
+_FOUND_AGAIN = 0.4
 _OTHER_LIGHT, _OTHER_PLACE = 6, 100
 _VIEW_NOISE = 0.5
 # Keyframes are older than any image that comes.
@@ -75,8 +78,8 @@ def fill(recognizer: PlaceRecognizer, drive: Drive) -> None:
     """
     Fill a database with keyframes, some of which every image of the drive will be found in.
 
-    Landmarks are those of the drive's images, with noise: where nothing is found, matching them
-    costs what it costs on a robot, and where something is, geometry is checked for all of it.
+    Landmarks are those of the drive's images, with noise: where nothing is found again, matching
+    costs what it costs on a robot, and where something is, the geometry is checked too.
     """
     images = street(drive.images, drive.width, drive.height)
     views = [recognizer.describe(0, image) for image in images]
@@ -92,21 +95,21 @@ def fill(recognizer: PlaceRecognizer, drive: Drive) -> None:
             number,
             number - _LONG_AGO_NS,
             np.broadcast_to(row, view.query.shape),
-            view.landmarks and _seen_again(view.landmarks, rng),
+            _seen_again(view.landmarks, rng) if view.landmarks else None,
         )
     recognizer.start_sequence()
 
 
 def _seen_again(landmarks: Landmarks, rng: np.random.Generator) -> Landmarks:
-    """Return the landmarks a little elsewhere and in another light."""
-    return replace(
-        landmarks,
-        places=_noisy(landmarks.places, _OTHER_PLACE, rng),
-        descriptors=_noisy(landmarks.descriptors, _OTHER_LIGHT, rng),
-    )
+    """Return the landmarks a little elsewhere and in another light, most of them confused."""
+    lost = np.flatnonzero(rng.random(len(landmarks)) > _FOUND_AGAIN)
+    descriptors = _noisy(landmarks.descriptors, _OTHER_LIGHT, rng)
+    descriptors[lost] = descriptors[lost][:, rng.permutation(descriptors.shape[1])]
+    places = _noisy(landmarks.places, _OTHER_PLACE, rng)
+    return replace(landmarks, places=places, descriptors=descriptors)
 
 
-def _noisy(values: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarray:
+def _noisy(values: NDArray[Any], most: int, rng: np.random.Generator) -> NDArray[Any]:
     noise = rng.integers(-most, most + 1, values.shape, np.int32)
     return np.clip(values + noise, 0, np.iinfo(values.dtype).max).astype(values.dtype)
 
