@@ -145,9 +145,7 @@ class User(Node):
             future = self._parameters.set_parameters([Parameter(name, value=value)])
         else:
             future = self._parameters.get_parameters([name])
-        future.add_done_callback(
-            lambda _: self._calls.append((time.perf_counter() - start) * 1e3)
-        )
+        future.add_done_callback(lambda _: self._calls.append((time.perf_counter() - start) * 1e3))
 
     def _on_answer(self, message: PointCloud2) -> None:
         self._latencies.append((time.perf_counter() - self._sent[stamp_ns(message)]) * 1e3)

@@ -88,7 +88,9 @@ def match(query: NDArray[np.uint8], earlier: NDArray[np.uint8]) -> Matches:
         return np.empty((0, 2), np.intp)
     # Sums of products of bytes are exact in float32: no order of summation changes a match.
     a, b = query.astype(np.float32), earlier.astype(np.float32)
-    squared = np.square(a).sum(axis=1)[:, None] + np.square(b).sum(axis=1) - 2 * (a @ b.T)
+    squared = a @ (-2 * b).T
+    squared += np.square(a).sum(axis=1)[:, None]
+    squared += np.square(b).sum(axis=1)
     rows, nearest = np.arange(len(a)), squared.argmin(axis=1)
     first, mutual = squared[rows, nearest], squared.argmin(axis=0)[nearest] == rows
     squared[rows, nearest] = np.inf

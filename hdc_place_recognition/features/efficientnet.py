@@ -47,7 +47,8 @@ class EfficientNetLite0:
             as_bgr(image), self._image_width, multiple=STRIDE, smallest=_SMALLEST
         )
         height, width = image.shape[:2]
-        if np.all(reduced == reduced[0, 0]):
+        pixels = reduced.reshape(-1, 3)
+        if np.array_equal(pixels[1:], pixels[:-1]):
             nothing = np.empty((0, onnx_graph.CHANNELS[onnx_graph.FEATURES]), np.float32)
             return LocalFeatures(np.empty((0, 2), np.float32), nothing, width, height)
         features, *head = (output[0] for output in self._run(normalised(reduced)))

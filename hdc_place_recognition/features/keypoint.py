@@ -44,18 +44,18 @@ class KeypointExtractor:
         """Return the features of a (h, w) grey or (h, w, 3) BGR image; k = 0 on a blank one."""
         grey = reduce_to_width(as_grey(image), self._image_width)
         keypoints, descriptors = self._detect(grey)
-        best = _strongest(keypoints)[: self._max_features]
-        points = [keypoints[index] for index in best]
-        positions = np.array([point.pt for point in points], np.float32).reshape(-1, 2)
+        table = _table(keypoints)
+        best = np.lexsort(table.T)[: self._max_features]
+        angles, sizes, x, y, _ = table[best].astype(np.float32).T
         height, width = image.shape[:2]
         scale = np.float32(width / grey.shape[1])
         return LocalFeatures(
-            keypoints=restore(positions, grey, image),
+            keypoints=restore(np.stack([x, y], axis=1), grey, image),
             descriptors=self._finish(descriptors[best]),
             width=width,
             height=height,
-            sizes=np.array([point.size for point in points], np.float32) * scale,
-            angles=np.array([point.angle for point in points], np.float32),
+            sizes=sizes * scale,
+            angles=angles,
         )
 
     def _detect(self, grey: Image) -> tuple[Sequence[cv2.KeyPoint], NDArray[Any]]:
@@ -113,7 +113,7 @@ def signs(bits: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.unpackbits(bits, axis=1).astype(np.float32) * 2 - 1
 
 
-def _strongest(keypoints: Sequence[cv2.KeyPoint]) -> NDArray[np.intp]:
-    """Return the keypoints' indices by falling response; ties in an order of their own."""
-    keys = [(point.angle, point.size, *point.pt, -point.response) for point in keypoints]
-    return np.lexsort(np.array(keys, np.float64).reshape(-1, 5).T)
+def _table(keypoints: Sequence[cv2.KeyPoint]) -> NDArray[np.float64]:
+    """Return (k, 5): angle, size, x, y and weakness; sorted by the last, ties by those before."""
+    rows = [(point.angle, point.size, *point.pt, -point.response) for point in keypoints]
+    return np.array(rows, np.float64).reshape(-1, 5)
