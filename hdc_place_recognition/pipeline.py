@@ -24,13 +24,15 @@ def create_recognizer(params: Params) -> PlaceRecognizer:
 
     :raises PlaceRecognitionError: the extractor's package or weights are missing or damaged.
     """
-    threadpoolctl.threadpool_limits(params.threads, user_api='blas')
-    cv2.setNumThreads(params.threads)
+    # Of several, one half looks for keypoints while the other does everything else.
+    threads = params.threads // 2 if params.verify and params.threads > 1 else params.threads
+    threadpoolctl.threadpool_limits(threads, user_api='blas')
+    cv2.setNumThreads(threads)
     extractor = create_extractor(
         params.extractor,
         image_width=params.image_width,
         max_features=params.max_features,
-        threads=params.threads,
+        threads=threads,
     )
     return PlaceRecognizer(params, extractor, _keypoints(params) if params.verify else None)
 

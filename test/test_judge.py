@@ -158,7 +158,7 @@ def test_same_input_same_output_on_any_number_of_threads():
         found = []
         for threads in (1, 2, 2):
             cv2.setNumThreads(threads)
-            found.append(drive(images, recognizer()))
+            found.append(drive(images, recognizer(threads=threads)))
     finally:
         cv2.setNumThreads(before)
     assert found[0] == found[1] == found[2]

@@ -55,6 +55,7 @@ def test_the_core_knows_numpy_and_opencv_only():
             'array',
             'bisect',
             'collections',
+            'concurrent',
             'contextlib',
             'dataclasses',
             'enum',

@@ -10,7 +10,8 @@ from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.hdc import Hypervector
-from hdc_place_recognition.core.landmarks import keep, Landmarks
+from hdc_place_recognition.core.landmarking import Landmarker
+from hdc_place_recognition.core.landmarks import Landmarks
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.core.verification import verify
 from hdc_place_recognition.params import Params
@@ -48,8 +49,8 @@ class Looker:
         keypoints: Extractor | None,
         displacements: Displacements,
     ) -> None:
-        self.verifies = keypoints is not None
-        self._extractor, self._keypoints = extractor, keypoints
+        self._extractor = extractor
+        self._landmarker = Landmarker(keypoints, params.threads > 1) if keypoints else None
         self._encoder = DescriptorEncoder(
             dimensions=params.dimensions,
             n_x=params.n_x,
@@ -60,20 +61,26 @@ class Looker:
             seed=params.seed,
         )
 
+    @property
+    def verifies(self) -> bool:
+        """Return whether there will be landmarks."""
+        return self._landmarker is not None
+
     def look(self, image: NDArray[np.uint8], watch: Stopwatch) -> Sight:
         """
         Return what is seen.
 
         :param image: (h, w) grey or (h, w, 3) BGR.
         """
+        take = self._landmarker.start(image) if self._landmarker else None
         with watch.stage('extract'):
             features = self._extractor.extract(image)
         with watch.stage('encode'):
             vectors = self._encoder.encode(features)
         landmarks = None
-        if self._keypoints is not None:
+        if take is not None:
             with watch.stage('keypoints'):
-                landmarks = keep(self._keypoints.extract(image))
+                landmarks = take()
         return Sight(len(features), vectors, landmarks)
 
     def warm_up(self, width: int, height: int) -> None:
