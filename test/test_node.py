@@ -204,6 +204,19 @@ def test_bad_images_are_counted_and_the_node_goes_on(bench):
     assert values['database images'] == '1'
 
 
+def test_what_is_passed_over_is_not_decoded(bench, monkeypatch):
+    decoded = []
+    convert = node_module.image_from_message
+    monkeypatch.setattr(
+        node_module,
+        'image_from_message',
+        lambda message: decoded.append(message) or convert(message),
+    )
+    for second in (0, 0.1, 0.15, 0.2):
+        bench.show(second, None)
+    assert len(decoded) == bench.node.statistics.processed == 2
+
+
 def test_an_unexpected_error_does_not_end_the_node(bench, monkeypatch):
     def fail(message: object) -> None:
         raise ZeroDivisionError('of all things')

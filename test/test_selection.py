@@ -71,3 +71,12 @@ def test_clock_goes_on_with_a_slow_robot():
         selector.admit(step * 500 * MS, 0)
         selector.note_motion(step % 4 == 0)
     assert selector.clock_ns == 50_000 * MS
+
+
+def test_an_objection_changes_nothing():
+    asked, other = StampSelector(), StampSelector()
+    for stamp in (START, START, START + 100 * MS, START + 300 * MS, START - 10_000 * MS):
+        assert asked.objection(stamp, 200 * MS) == asked.objection(stamp, 200 * MS)
+        assert asked.objection(stamp, 200 * MS) is other.admit(stamp, 200 * MS)
+        asked.admit(stamp, 200 * MS)
+        assert asked.clock_ns == other.clock_ns

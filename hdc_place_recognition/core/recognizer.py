@@ -16,7 +16,7 @@ from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
 from hdc_place_recognition.core.keyframes import KeyframeSelector, no_odometry, Odometry
 from hdc_place_recognition.core.looking import Looker
-from hdc_place_recognition.core.selection import StampSelector
+from hdc_place_recognition.core.selection import nanoseconds, StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.params import Params
@@ -52,7 +52,7 @@ class PlaceRecognizer:
         self._sequence = SequenceBundler(
             dimensions=params.dimensions, length=params.sequence_length, seed=params.seed
         )
-        self._selector = StampSelector()
+        self.selector = StampSelector()
         self._judge = Judge(displacements.offsets)
         self._keyframes = KeyframeSelector()
         self.odometry: Odometry = no_odometry
@@ -84,11 +84,11 @@ class PlaceRecognizer:
         :raises PlaceRecognitionError: it is no image; nothing is changed then.
         """
         image = as_uint8(image)
-        skipped = self._selector.admit(stamp_ns, _nanoseconds(self.params.min_interval_s))
+        skipped = self.selector.admit(stamp_ns, nanoseconds(self.params.min_interval_s))
         if skipped is not None:
             return Detection(stamp_ns, skipped)
         description = self.describe(stamp_ns, image)
-        self._selector.note_motion(description.moved)
+        self.selector.note_motion(description.moved)
         detection = self.recognize(description, rows=self._old_enough())
         watch = Stopwatch(detection.milliseconds)
         with watch.stage('insert'):
@@ -163,7 +163,7 @@ class PlaceRecognizer:
             return None
         keyframe_id = self.database.add(
             description.stamp_ns,
-            self._selector.clock_ns,
+            self.selector.clock_ns,
             description.query,
             description.landmarks,
         )
@@ -174,15 +174,11 @@ class PlaceRecognizer:
     def start_sequence(self) -> None:
         """Begin another traverse: what comes next does not continue what came before."""
         self._sequence.clear()
-        self._selector.restart()
+        self.selector.restart()
         self._judge.consistency.clear()
         self._keyframes.restart()
 
     def _old_enough(self) -> int:
         """Return how many rows are old enough to be candidates: the first ones."""
-        limit_ns = self._selector.clock_ns - _nanoseconds(self.params.exclude_recent_s)
+        limit_ns = self.selector.clock_ns - nanoseconds(self.params.exclude_recent_s)
         return self.database.older_than(limit_ns, self.params.exclude_recent_frames)
-
-
-def _nanoseconds(seconds: float) -> int:
-    return round(seconds * 1e9)

@@ -28,25 +28,28 @@ class StampSelector:
         self._step_ns = 0
         self._still_ns = 0
 
-    def admit(self, stamp_ns: int, min_interval_ns: int) -> Status | None:
+    def objection(self, stamp_ns: int, min_interval_ns: int) -> Status | None:
         """
-        Return why the image is passed over, or None and note its stamp.
+        Return why an image is to be passed over, None if it is not.
 
         :param stamp_ns: header stamp of the image.
         :param min_interval_ns: least distance to the last image that was admitted.
         """
-        step = None if self._last_ns is None else stamp_ns - self._last_ns
-        if step is not None and step > -CLOCK_RESET_NS:
-            if step == 0:
-                return Status.STAMP_REPEATED
-            if step < 0:
-                return Status.STAMP_OUT_OF_ORDER
-            if step < min_interval_ns:
-                return Status.TOO_SOON
-        self._step_ns = max(step or 0, 0)
-        self.clock_ns += self._step_ns
-        self._last_ns = stamp_ns
-        return None
+        step = self._step(stamp_ns)
+        if step is None or step <= -CLOCK_RESET_NS or step >= max(min_interval_ns, 1):
+            return None
+        if step == 0:
+            return Status.STAMP_REPEATED
+        return Status.STAMP_OUT_OF_ORDER if step < 0 else Status.TOO_SOON
+
+    def admit(self, stamp_ns: int, min_interval_ns: int) -> Status | None:
+        """Return the objection to an image, or None and note its stamp."""
+        objection = self.objection(stamp_ns, min_interval_ns)
+        if objection is None:
+            self._step_ns = max(self._step(stamp_ns) or 0, 0)
+            self.clock_ns += self._step_ns
+            self._last_ns = stamp_ns
+        return objection
 
     def note_motion(self, moved: bool) -> None:
         """
@@ -60,3 +63,11 @@ class StampSelector:
     def restart(self) -> None:
         """Take the next image's stamp as it comes: another traverse begins."""
         self._last_ns = None
+
+    def _step(self, stamp_ns: int) -> int | None:
+        return None if self._last_ns is None else stamp_ns - self._last_ns
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time in the unit of stamps."""
+    return round(seconds * 1e9)

@@ -10,6 +10,7 @@ from typing import Any
 from hdc_place_recognition.cameras import camera_from_message
 from hdc_place_recognition.core.detection import Candidate, Detection, Status
 from hdc_place_recognition.core.keyframes import Pose
+from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.images import image_from_message, stamp_ns
 from hdc_place_recognition.odometry import KeyframePositions
@@ -52,7 +53,7 @@ class PlaceRecognitionNode(Node):
         self._warn_of_unknown()
         self.recognizer = create_recognizer(params)
         self.recognizer.warm_up(*_USUAL_SIZE)
-        self._positions = KeyframePositions(_nanoseconds(params.odom_tolerance_s))
+        self._positions = KeyframePositions(nanoseconds(params.odom_tolerance_s))
         self.recognizer.odometry = self._positions.pose_before
         self.statistics = Statistics()
         self._candidates = self.create_publisher(PointCloud2, '~/candidates', 10)
@@ -85,7 +86,7 @@ class PlaceRecognitionNode(Node):
 
     def _on_parameters(self, params: Params) -> None:
         self.recognizer.params = params
-        self._positions.tolerance_ns = _nanoseconds(params.odom_tolerance_s)
+        self._positions.tolerance_ns = nanoseconds(params.odom_tolerance_s)
 
     def _on_odometry(self, message: Odometry) -> None:
         at, turned = message.pose.pose.position, message.pose.pose.orientation
@@ -107,13 +108,21 @@ class PlaceRecognitionNode(Node):
     def _answer(self, message: Any) -> None:
         """Process an image in the worker's thread; whatever is wrong with it must not end it."""
         try:
-            detection = self.recognizer.process(stamp_ns(message), image_from_message(message))
+            detection = self._recognized(message)
         except PlaceRecognitionError as error:
             self._refuse(str(error))
         except Exception as error:
             self._refuse(f'{type(error).__name__}: {error}')
         else:
             self._publish(message.header, detection)
+
+    def _recognized(self, message: Any) -> Detection:
+        """Return the answer to an image; one that is passed over need not be decoded."""
+        stamp, recognizer = stamp_ns(message), self.recognizer
+        least_ns = nanoseconds(recognizer.params.min_interval_s)
+        if (objection := recognizer.selector.objection(stamp, least_ns)) is not None:
+            return Detection(stamp, objection)
+        return recognizer.process(stamp, image_from_message(message))
 
     def _refuse(self, reason: str) -> None:
         self.statistics.fail(reason)
@@ -164,10 +173,6 @@ def closure_line(detection: Detection) -> str:
         f'{_seconds(best.match_stamp_ns)}, {ago_s:.1f} s ago (image {best.match_id}), '
         f'score {best.score:.2f}{f", and {more} more" if more else ""}'
     )
-
-
-def _nanoseconds(seconds: float) -> int:
-    return round(seconds * 1e9)
 
 
 def _seconds(stamp: int) -> str:
