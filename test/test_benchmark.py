@@ -4,11 +4,16 @@
 
 import json
 
-from hdc_place_recognition.benchmark import search
+from conftest import ROOT
+from hdc_place_recognition.benchmark import node, search
 from hdc_place_recognition.benchmark.command import main
+from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.report import curves, table
+from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import each_milliseconds, Measurement
 from hdc_place_recognition.benchmark.vectors import World
+from hdc_place_recognition.params import Params
+from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 import pytest
 
@@ -29,6 +34,45 @@ def test_small_run_prints_and_writes(tmp_path, capsys, monkeypatch):
     assert all(each['value'] > 0 and each['name'] in printed for each in written)
     recalls = [each['value'] for each in written if 'recall' in each['name']]
     assert recalls == [1, 1]
+
+
+def test_node_answers_and_accounts_for_every_image(monkeypatch):
+    pytest.importorskip('rclpy', reason='needs ROS')
+    profile = ROOT / 'config' / 'large_images.xml'
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', str(profile))
+    monkeypatch.setattr(node, '_KEYFRAMES', 40)
+    monkeypatch.setattr(node, '_SIZES', ((160, 120),))
+    monkeypatch.setattr(node, '_RATES', (10,))
+    monkeypatch.setattr(node, '_SECONDS', 1.0)
+    settings = Settings(Params(extractor='gradient_grid'), bandwidth=1.0, sizes=(), images=4)
+    found = {each.name.partition(': ')[2]: each.value for each in node.measure_node(settings)}
+    assert found['images sent'] == 10 and found['images unaccounted for'] == 0
+    assert 0 < found['images answered'] <= 10
+    assert 0 < found['latency, median'] <= found['latency, 99 %']
+    assert found['parameter call, median'] > 0 and found['CPU of the process'] > 0
+
+
+def test_node_is_skipped_without_ros(monkeypatch):
+    monkeypatch.setattr(node, 'find_spec', lambda name: None)
+    assert list(node.measure_node(Settings(Params(), 1.0, (), 1))) == []
+
+
+def test_large_images_profile_is_found():
+    assert node._large_images_profile() == ROOT / 'config' / 'large_images.xml'
+
+
+def test_database_of_the_node_holds_the_drive_again():
+    pytest.importorskip('rclpy', reason='needs ROS')
+    from hdc_place_recognition.benchmark.node_process import Drive, fill
+
+    drive = Drive(keyframes=60, images=3, width=160, height=120)
+    recognizer = create_recognizer(Params(extractor='gradient_grid'))
+    fill(recognizer, drive)
+    assert len(recognizer.database) == 60
+    first = recognizer.process(10**18, street(drive.images, drive.width, drive.height)[0])
+    rows = [candidate.match_id for candidate in first.candidates if candidate.similarity > 0.5]
+    assert sorted(rows) == [0, 30]
+    assert all(candidate.inliers > 30 for candidate in first.candidates[:2])
 
 
 def test_bad_size_is_a_usage_error(capsys):

@@ -16,6 +16,7 @@ from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from hdc_place_recognition.benchmark.node_user import Ride
@@ -25,9 +26,6 @@ _KEYFRAMES = 10_000
 _SIZES, _RATES = ((640, 480), (1280, 720)), (10, 30)
 _SECONDS = 8.0
 _LATENCY_TARGETS = {(640, 480, 30): '<= 60 ms'}
-_CALL_TARGET, _NONE_TARGET = '<= 50 ms', '0'
-# Of diagnostics, in the order in which an image may meet them.
-_COUNTS = ('lost by DDS', 'dropped while busy', 'refused', 'processed')
 
 
 def measure_node(settings: Settings) -> Iterator[Measurement]:
@@ -56,7 +54,7 @@ def _measure_size(settings: Settings, width: int, height: int) -> Iterator[Measu
 
     drive = Drive(_KEYFRAMES, settings.images, width, height)
     images = street(settings.images, width, height)
-    with node_process(drive) as process:
+    with node_process(drive, settings.params) as process:
         user = User(process.pid)
         try:
             user.wait_for_node(lambda: process.poll() is None)
@@ -68,20 +66,27 @@ def _measure_size(settings: Settings, width: int, height: int) -> Iterator[Measu
 
 
 def _report(ride: Ride, setting: tuple[int, int, int]) -> Iterator[Measurement]:
-    name = 'node, {} x {}, {} Hz'.format(*setting)
-    median, most = (float(np.percentile(ride.latencies_ms, share)) for share in (50, 99))
-    target = _LATENCY_TARGETS.get(setting, '')
-    yield Measurement(f'{name}: latency, median', median, 'ms', target=target)
-    yield Measurement(f'{name}: latency, 99 %', most, 'ms')
-    yield Measurement(f'{name}: images sent', ride.sent, '')
-    yield Measurement(f'{name}: images answered', len(ride.latencies_ms), '')
-    for what in _COUNTS:
-        yield Measurement(f'{name}: images {what}', ride.counts[f'images {what}'], '')
-    yield Measurement(f'{name}: images unaccounted for', ride.unaccounted, '', target=_NONE_TARGET)
-    yield Measurement(f'{name}: CPU of the process', ride.cpu, 'cores')
-    median, most = (float(np.percentile(ride.calls_ms, share)) for share in (50, 99))
-    yield Measurement(f'{name}: parameter call, median', median, 'ms')
-    yield Measurement(f'{name}: parameter call, 99 %', most, 'ms', target=_CALL_TARGET)
+    name = 'node, {} x {}, {} Hz: '.format(*setting)
+    latency, call = _LATENCY_TARGETS.get(setting, ''), '<= 50 ms'
+    yield from _quantiles(f'{name}latency', ride.latencies_ms, (latency, ''))
+    yield Measurement(f'{name}images sent', ride.sent, '')
+    yield Measurement(f'{name}images answered', ride.answered, '')
+    yield Measurement(f'{name}images dropped while busy', ride.dropped, '')
+    yield Measurement(f'{name}images passed over or refused', ride.passed_over, '')
+    yield Measurement(f'{name}images lost by DDS', ride.lost, '', target='0')
+    yield Measurement(f'{name}images unaccounted for', ride.unaccounted, '', target='0')
+    yield Measurement(f'{name}CPU of the process', ride.cpu, 'cores')
+    yield from _quantiles(f'{name}parameter call', ride.calls_ms, ('', call))
+
+
+def _quantiles(
+    name: str, spent_ms: NDArray[np.float64], targets: tuple[str, str]
+) -> Iterator[Measurement]:
+    """Yield median and 99 % of what there is; nothing if there was no answer at all."""
+    for share, words, target in zip((50, 99), ('median', '99 %'), targets, strict=True):
+        if len(spent_ms):
+            spent = float(np.percentile(spent_ms, share))
+            yield Measurement(f'{name}, {words}', spent, 'ms', target=target)
 
 
 def _set_up_ros() -> None:

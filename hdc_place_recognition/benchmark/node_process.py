@@ -16,6 +16,7 @@ from hdc_place_recognition.benchmark.vectors import World
 from hdc_place_recognition.core.hdc import normalize
 from hdc_place_recognition.core.landmarks import Landmarks
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
+from hdc_place_recognition.params import Params
 from hdc_place_recognition.ros.main import main as run_node
 from hdc_place_recognition.ros.node import PlaceRecognitionNode
 import numpy as np
@@ -44,11 +45,17 @@ class Drive:
 
 
 @contextmanager
-def node_process(drive: Drive) -> Iterator[subprocess.Popen[bytes]]:
-    """Run the node beside this process and end it, whatever happens."""
+def node_process(drive: Drive, params: Params) -> Iterator[subprocess.Popen[bytes]]:
+    """
+    Run the node beside this process and end it, whatever happens.
+
+    :param params: the extractor and the number of threads are those of the node too.
+    """
     numbers = (drive.keyframes, drive.images, drive.width, drive.height)
     words = ['--ros-args', '--log-level', 'warn', '-r', f'image:={TOPIC}']
     words += ['-p', 'min_interval_s:=0.0']
+    for name in ('extractor', 'threads'):
+        words += ['-p', f'{name}:={getattr(params, name)}']
     command = [sys.executable, '-m', __name__, *map(str, numbers), *words]
     process = subprocess.Popen(command)
     try:

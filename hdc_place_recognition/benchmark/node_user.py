@@ -43,20 +43,29 @@ class Ride:
 
     :param latencies_ms: of each answer, from just before an image was published.
     :param calls_ms: what parameter calls took meanwhile.
-    :param counts: by the names that diagnostics give them.
     :param cpu: seconds of CPU that the node's process took for each second.
+    :param lost: images that DDS did not deliver, as the node knows.
+    :param dropped: those that a newer one took the place of while the node was busy.
+    :param passed_over: those that their stamps or their content kept from being processed.
     """
 
     sent: int
     latencies_ms: NDArray[np.float64]
     calls_ms: NDArray[np.float64]
-    counts: Mapping[str, int]
     cpu: float
+    lost: int
+    dropped: int
+    passed_over: int
+
+    @property
+    def answered(self) -> int:
+        """Return how many images were answered."""
+        return len(self.latencies_ms)
 
     @property
     def unaccounted(self) -> int:
         """Return how many images were neither answered nor counted by the node."""
-        return self.sent - _accounted(self.counts)
+        return self.sent - self.answered - self.lost - self.dropped - self.passed_over
 
 
 class User(Node):
@@ -102,14 +111,8 @@ class User(Node):
         self._spin_until(start + seconds)
         cpu = (_cpu_seconds(self._pid) - cpu_s) / (time.monotonic() - start)
         self.destroy_timer(calls)
-        self._wait(lambda: _accounted(self._since(before)) >= len(self._sent), _SETTLED_S)
-        return Ride(
-            len(self._sent),
-            np.array(self._latencies),
-            np.array(self._calls),
-            self._since(before),
-            cpu,
-        )
+        self._wait(lambda: self._ride(before, cpu).unaccounted <= 0, _SETTLED_S)
+        return self._ride(before, cpu)
 
     def _connected(self) -> bool:
         """Return whether images and parameter calls arrive, and answers come back."""
@@ -148,7 +151,9 @@ class User(Node):
         future.add_done_callback(lambda _: self._calls.append((time.perf_counter() - start) * 1e3))
 
     def _on_answer(self, message: PointCloud2) -> None:
-        self._latencies.append((time.perf_counter() - self._sent[stamp_ns(message)]) * 1e3)
+        # An answer that came too late for the ride before counts for none.
+        if (start := self._sent.get(stamp_ns(message))) is not None:
+            self._latencies.append((time.perf_counter() - start) * 1e3)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -157,19 +162,22 @@ class User(Node):
                     each.key: int(each.value) for each in status.values if each.value.isdecimal()
                 }
 
-    def _since(self, before: Mapping[str, int]) -> dict[str, int]:
-        """Return what was counted since then."""
-        return {name: count - before[name] for name, count in self._counts.items()}
+    def _ride(self, before: Mapping[str, int], cpu: float) -> Ride:
+        """Return what is known of a ride before which the node had counted this."""
 
+        def since(*starts: str) -> int:
+            names = [name for name in self._counts if name.startswith(starts)]
+            return sum(self._counts[name] - before[name] for name in names)
 
-def _accounted(counts: Mapping[str, int]) -> int:
-    """Return how many images have come to an end."""
-    ends = 'processed', 'dropped', 'lost', 'refused', 'passed over'
-    return sum(
-        count
-        for name, count in counts.items()
-        if name.startswith(tuple(f'images {end}' for end in ends))
-    )
+        return Ride(
+            len(self._sent),
+            np.array(self._latencies),
+            np.array(self._calls),
+            cpu,
+            lost=since('images lost'),
+            dropped=since('images dropped'),
+            passed_over=since('images passed over', 'images refused'),
+        )
 
 
 def _serialised(image: NDArray[np.uint8]) -> bytearray:
