@@ -58,12 +58,11 @@ class KeyframePositions:
         with self._lock:
             self._waiting[row] = stamp_ns
 
-    def forget(self, row: int | None) -> None:
-        """Forget a keyframe that the database has forgotten, if there is one."""
-        if row is not None:
-            with self._lock:
-                self._waiting.pop(row, None)
-                self._settled.pop(row, None)
+    def forget(self, row: int) -> None:
+        """Forget a keyframe that the database has forgotten."""
+        with self._lock:
+            self._waiting.pop(row, None)
+            self._settled.pop(row, None)
 
     def position(self, row: int) -> Position:
         """Return where the row's image was taken; NaN where that is not known."""

@@ -101,6 +101,25 @@ class Params:
         low=0,
         high=100000000,
     )
+    max_database_mb: float = param(
+        0.0,
+        'Memory that the database may take, keypoints included; in a full one the most redundant '
+        'images are forgotten. 0 for no limit.',
+        unit='MB',
+        low=0.0,
+        high=1e6,
+    )
+    row_type: str = param(
+        'float32',
+        'Elements of the vectors in the database: float16 takes half the room, and compares '
+        'small databases more slowly.',
+        choices=('float32', 'float16'),
+    )
+    rows_folder: str = param(
+        '',
+        'Folder on a disk where the vectors of the database are kept, in a file that is gone '
+        'when the program ends; empty to keep them in memory.',
+    )
     min_interval_s: float = param(
         0.2,
         'Images nearer than this to the last one processed, by stamp, are passed over.',

@@ -4,11 +4,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
+from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.features import create_extractor
 from hdc_place_recognition.params import Params
+from hdc_place_recognition.row_file import RowFile
 import threadpoolctl
 
 # More is slower and, with as many keypoints, no better.
@@ -22,7 +26,8 @@ def create_recognizer(params: Params) -> PlaceRecognizer:
     The number of threads holds for the whole process: a linear-algebra library with more threads
     than free cores spends its time waiting for itself.
 
-    :raises PlaceRecognitionError: the extractor's package or weights are missing or damaged.
+    :raises PlaceRecognitionError: the extractor's package or weights are missing or damaged, or
+        there is no file for the vectors of the database.
     """
     # Of several, one half looks for keypoints while the other does everything else.
     threads = params.threads // 2 if params.verify and params.threads > 1 else params.threads
@@ -34,7 +39,18 @@ def create_recognizer(params: Params) -> PlaceRecognizer:
         max_features=params.max_features,
         threads=threads,
     )
-    return PlaceRecognizer(params, extractor, _keypoints(params) if params.verify else None)
+    keypoints = _keypoints(params) if params.verify else None
+    return PlaceRecognizer(params, extractor, keypoints, create_rows(params))
+
+
+def create_rows(params: Params) -> Rows:
+    """
+    Return where the vectors of a database will be.
+
+    :raises PlaceRecognitionError: there can be no file for them.
+    """
+    room = RowFile(Path(params.rows_folder)) if params.rows_folder else None
+    return Rows(params.dimensions, params.row_type, room)
 
 
 def _keypoints(params: Params) -> Extractor:

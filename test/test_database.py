@@ -4,6 +4,7 @@
 
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.hdc import normalize
+from hdc_place_recognition.core.rows import Rows
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -20,7 +21,7 @@ def images(count: int, forms: int = 3, dimensions: int = 64) -> Queries:
 
 
 def filled(queries: Queries, *, center: bool = True) -> Database:
-    database = Database(queries.shape[2], queries.shape[1], center, 'test')
+    database = Database(Rows(queries.shape[2]), queries.shape[1], center, 'test')
     for index, query in enumerate(queries):
         database.see(query)
         assert database.add(index * 10, index * 10, query) == index
@@ -79,7 +80,7 @@ def test_rows_added_late_know_the_mean_too():
 
 def test_asking_changes_nothing():
     queries = images(6)
-    asked = Database(64, 3, True, 'test')
+    asked = Database(Rows(64), 3, True, 'test')
     for index, query in enumerate(queries[:5]):
         asked.ask(query)
         asked.see(query)
@@ -98,7 +99,7 @@ def test_first_rows_only():
 
 
 def test_nothing_to_compare_is_zero_not_nan():
-    database = Database(4, 1, True, 'test')
+    database = Database(Rows(4), 1, True, 'test')
     query = np.array([[1, 0, 0, 0]], np.float32)
     assert database.ask(query).similarities.shape == (0,)
     database.see(query)
@@ -130,6 +131,6 @@ def test_growth_moves_no_row():
 
 
 def test_stamps_are_exact():
-    database = Database(2, 1, True, 'test')
+    database = Database(Rows(2), 1, True, 'test')
     database.add(1_776_863_762_100_071_637, 0, np.array([[1, 0]], np.float32))
-    assert database.stamps_ns == [1_776_863_762_100_071_637]
+    assert list(database.stamps_ns) == [1_776_863_762_100_071_637]

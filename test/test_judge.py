@@ -177,5 +177,5 @@ def test_memory_of_a_keyframe():
     drive(street(range(4)), one)
     held = sum(kept.nbytes for kept in one.database.landmarks if kept)
     room = one.database.nbytes - held
-    assert held <= 4 * 300 * 134
+    assert held <= 4 * (300 * 134 + 640)
     assert held / 4 + room / 64 <= 60_000

@@ -69,7 +69,6 @@ def test_forgotten_keyframes_have_no_position():
     found = positions(0, 50, 100)
     found.add_keyframe(3, 60 * MS)
     known = found.position(3)
-    found.forget(None)
     assert found.position(3) == known and known[0] == known[0]
     found.forget(3)
     assert found.position(3)[0] != found.position(3)[0]

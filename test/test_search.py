@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two stages against the exact search, and the signs that they go by."""
 
-from hdc_place_recognition.core import database, search, signs
+from hdc_place_recognition.core import database, search, sign_table, signs
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.hdc import normalize
+from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.core.sign_table import SignTable
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -35,7 +37,7 @@ def filled(monkeypatch: pytest.MonkeyPatch) -> tuple[Database, Queries]:
     """Return a database of 1500 places that searches in two stages from 700 on."""
     monkeypatch.setattr(database, 'TWO_STAGES_FROM', 700)
     monkeypatch.setattr(search, '_NEAREST', 100)
-    one, queries = Database(DIMENSIONS, 9, True, 'test'), places(1500)
+    one, queries = Database(Rows(DIMENSIONS), 9, True, 'test'), places(1500)
     for index, query in enumerate(queries):
         one.see(query)
         one.add(index, index, query)
@@ -92,6 +94,25 @@ def test_a_new_row_is_found_at_once(filled):
     assert one.ask(query).similarities.argmax() == row == 1500
 
 
+def test_part_of_the_signs_chooses_those_that_are_looked_at_further(filled, monkeypatch):
+    one, queries = filled
+    monkeypatch.setattr(sign_table, '_COARSE_WORDS', 4)
+    coarse = Database(Rows(DIMENSIONS), 9, True, 'test')
+    for index, query in enumerate(queries):
+        coarse.see(query)
+        coarse.add(index, index, query)
+    whole = [one.ask(query) for query in displaced(queries[::50])]
+    monkeypatch.setattr(search, '_ALL_SIGNS', 1000)
+    monkeypatch.setattr(search, '_LEAST', 300)
+    for query, expected in zip(displaced(queries[::50]), whole, strict=True):
+        found = coarse.ask(query)
+        best = expected.similarities.argmax()
+        assert found.similarities.argmax() == best
+        assert found.similarities[best] == expected.similarities[best]
+        exact = one.ask(query, exact=True).similarities
+        assert np.median(np.abs(found.similarities - exact)) < 0.1
+
+
 def test_answers_are_the_same_every_time(filled):
     one, queries = filled
     (query,) = displaced(queries[7:8])
@@ -107,15 +128,28 @@ def test_signs_are_above_the_threshold():
     assert bits[:, :4].tolist() == [[1, 1, 0, 0], [0, 1, 0, 1]]
 
 
-@pytest.mark.parametrize('dimensions', [64, 100, 1024])
-def test_distance_to_the_nearest_query(dimensions, monkeypatch):
-    vectors = np.random.default_rng(0).standard_normal((30, dimensions), np.float32)
+@pytest.mark.parametrize('dimensions', [64, 100, 1024, 1500])
+def test_distances_to_queries(dimensions, monkeypatch):
+    vectors = np.random.default_rng(0).standard_normal((2060, dimensions), np.float32)
     rows = signs.signs(vectors, np.float32(0))
+    table = SignTable(signs.words(dimensions))
+    for place, row in enumerate(rows):
+        table.put(place, row)
+    places = np.array([3, 700, 2047, 2048, 2059])
     differing = (vectors[:, None] > 0) != (vectors[None, :3] > 0)
-    expected = differing.sum(axis=2).min(axis=1)
-    assert signs.distances(rows, rows[:3]).tolist() == expected.tolist()
-    monkeypatch.setattr(signs, '_count', signs.count_by_table)
-    assert signs.distances(rows, rows[:3]).tolist() == expected.tolist()
+    expected = differing[places].sum(axis=2)
+    for count in (signs.count, signs.count_in_words):
+        monkeypatch.setattr(sign_table, 'count', count)
+        first = table.coarse(rows[:3], len(rows))
+        assert np.array_equal(first.T, differing[:, :, :1024].sum(axis=2))
+        rest = table.fine(rows[:3], places)
+        assert np.array_equal((first[:, places] + rest).T, expected)
+    assert table.fine(rows[:3], places[:0]).shape == (3, 0)
+
+
+def test_ones_are_counted_without_numpy_2():
+    bits = np.array([0, 1, 2**64 - 1, 0x8000000000000001, 0x5555555555555555], np.uint64)
+    assert signs.count_in_words(bits).tolist() == [0, 1, 64, 2, 32]
 
 
 def test_cosine_of_a_distance():

@@ -21,6 +21,7 @@ from hdc_place_recognition.benchmark.vectors import DIMENSIONS, SIDE, World
 from hdc_place_recognition.core.database import Database, TWO_STAGES_FROM
 from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.core.rows import Rows
 import numpy as np
 
 _log = logging.getLogger(__name__)
@@ -69,7 +70,7 @@ def _measure_one_form(single: _Filled, rows: int, bandwidth: float) -> Iterator[
 
 def _fill(rows: int, forms: int) -> _Filled:
     groups = Displacements(SIDE, SIDE, 0.1).groups if forms > 1 else ()
-    database = Database(DIMENSIONS, forms, True, 'synthetic', groups)
+    database = Database(Rows(DIMENSIONS), forms, True, 'synthetic', groups)
     world = World(rows)
     middle = slice(None) if forms > 1 else slice(SIDE * SIDE // 2, SIDE * SIDE // 2 + 1)
     for number in range(_SEEN):

@@ -4,17 +4,18 @@
 
 from __future__ import annotations
 
-from array import array
-from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from collections.abc import Sequence
 
+from hdc_place_recognition.core.entries import Entries
 from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.landmarks import Landmarks
+from hdc_place_recognition.core.limit import Forgotten, Limit
+from hdc_place_recognition.core.means import Means
+from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.redundancy import Redundancy
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.core.search import Answer, Question, search_all, search_in_two_stages
 import numpy as np
-from numpy.typing import NDArray
 
 # Rows from which two stages are worth it. On one core, exact against two stages, under 25
 # displacements: 2.9 and 3.2 ms at 1000 rows, 6.5 and 3.8 at 2048, 12.1 and 4.9 at 4096; without
@@ -23,14 +24,6 @@ TWO_STAGES_FROM = 2048
 # With each new row the signs of this many others are taken anew, against the mean of today: no
 # row's mean is then of less than half the images.
 _REFRESHED = 2
-
-
-@dataclass(frozen=True)
-class Forgotten:
-    """An image that is no longer in the database: the row it had, and its number."""
-
-    row: int
-    keyframe_id: int
 
 
 class Database:
@@ -44,49 +37,60 @@ class Database:
     Rows are in the order of adding. An image keeps its number, which is its row until images
     before it are forgotten.
 
-    :param dimensions: d.
+    :param rows: empty, where the vectors will be.
     :param displacements: s, how many forms a query has; the middle one is stored.
     :param center: whether to subtract the means.
     :param extractor: identity of the local features; only equal ones can be compared.
     :param groups: indices of forms that are near to each other, for the first of two stages;
         all in one by default.
-    :param max_keyframes: of more images the most redundant one is forgotten; 0 for no limit.
+    :param limit: of more than that the most redundant images are forgotten.
     """
 
     def __init__(
         self,
-        dimensions: int,
+        rows: Rows,
         displacements: int,
         center: bool,
         extractor: str,
         groups: tuple[tuple[int, ...], ...] = (),
-        max_keyframes: int = 0,
+        limit: Limit | None = None,
     ) -> None:
         self.center, self.extractor = center, extractor
-        self.stamps_ns: list[int] = []
-        self.ids: list[int] = []
-        self.landmarks: list[Landmarks | None] = []
-        self._clock_ns: list[int] = []
-        self._places = array('q')
-        self._rows = Rows(dimensions)
+        self._rows, self._order = rows, Order()
+        self._entries = Entries()
+        self._means = Means(displacements, rows.dimensions)
         self._middle = displacements // 2
         self._groups = groups or (tuple(range(displacements)),)
-        self._sums = np.zeros((displacements, dimensions))
-        self._seen = 0
         self._refreshed = 0
-        self._max_keyframes = max_keyframes
+        self._limit = limit or Limit()
         self._redundancy = Redundancy(self._vector)
         self._added = 0
         self._likest: tuple[Hypervector | None, int | None] = None, None
-        self.last_forgotten: Forgotten | None = None
+        self.last_forgotten: tuple[Forgotten, ...] = ()
 
     def __len__(self) -> int:
-        return len(self.stamps_ns)
+        return len(self._entries)
+
+    @property
+    def ids(self) -> Sequence[int]:
+        """Return the numbers of the images."""
+        return self._entries.ids
+
+    @property
+    def stamps_ns(self) -> Sequence[int]:
+        """Return the header stamps of the images."""
+        return self._entries.stamps_ns
+
+    @property
+    def landmarks(self) -> Sequence[Landmarks | None]:
+        """Return what the images are verified by."""
+        return self._entries.landmarks
 
     @property
     def nbytes(self) -> int:
-        """Bytes of memory held by the rows and their landmarks."""
-        return self._rows.nbytes + sum(each.nbytes for each in self.landmarks if each)
+        """Bytes of memory held by the images: vectors, unless in a file, and all else."""
+        each = self._rows.row_nbytes + self._order.row_nbytes + self._redundancy.row_nbytes
+        return len(self) * each + self._entries.nbytes
 
     @property
     def forgotten(self) -> int:
@@ -95,8 +99,7 @@ class Database:
 
     def row(self, keyframe_id: int) -> int | None:
         """Return the row of an image, None if it was forgotten."""
-        row = bisect_left(self.ids, keyframe_id)
-        return row if row < len(self) and self.ids[row] == keyframe_id else None
+        return self._entries.row(keyframe_id)
 
     def older_than(self, clock_ns: int, recent_rows: int) -> int:
         """
@@ -105,7 +108,7 @@ class Database:
         :param clock_ns: rows of this clock time or before.
         :param recent_rows: but not these last ones of all.
         """
-        return max(min(bisect_right(self._clock_ns, clock_ns), len(self) - recent_rows), 0)
+        return max(min(self._entries.older_than(clock_ns), len(self) - recent_rows), 0)
 
     def see(self, query: Hypervector) -> None:
         """
@@ -114,8 +117,7 @@ class Database:
         :param query: (s, d) float32.
         """
         if self.center:
-            self._sums += query
-            self._seen += 1
+            self._means.see(query)
 
     def ask(self, query: Hypervector, count: int | None = None, *, exact: bool = False) -> Answer:
         """
@@ -125,15 +127,15 @@ class Database:
         :param count: rows to compare, all by default.
         :param exact: compare all of them however many they are.
         """
-        places = np.array(self._places[:count], np.intp)
-        if not len(places):
+        count = len(self) if count is None else min(count, len(self))
+        if not count:
             nothing = np.empty(0, np.float32)
-            return Answer(nothing, np.empty(0, np.intp), nothing)
-        question = Question(query, self._sums / max(self._seen, 1))
-        if exact or len(places) < TWO_STAGES_FROM:
-            answer = search_all(self._rows, places, question)
+            return Answer(nothing, np.empty(0, np.uint8), nothing)
+        question = Question(query, self._means.of_forms())
+        if exact or count < TWO_STAGES_FROM:
+            answer = search_all(self._rows, self._order, count, question)
         else:
-            answer = search_in_two_stages(self._rows, places, question, self._groups)
+            answer = search_in_two_stages(self._rows, self._order, count, question, self._groups)
         self._likest = query, self.ids[int(answer.similarities.argmax())]
         return answer
 
@@ -143,50 +145,45 @@ class Database:
         """
         Store the middle form of an image and return its number.
 
-        In a full database the most redundant image is forgotten for it; where each shows a place
-        of its own, or the new one is that image, the new one is not stored.
+        In a full database the most redundant images are forgotten for it; where each shows a
+        place of its own, or the new one is that image, the new one is not stored.
 
         :param stamp_ns: the image's header stamp.
         :param clock_ns: the same on a clock that never goes back.
         :param query: (s, d) float32.
         :param landmarks: to verify it by.
         :return: None if it was not stored.
+        :raises PlaceRecognitionError: there is no room for it; nothing is changed.
         """
-        mean, number = self._mean(), self._added
-        if self._max_keyframes:
-            asked, twin = self._likest
-            twin = twin if asked is query else None
-            twin_row = None if twin is None else self.row(twin)
-            self._redundancy.add(query[self._middle], twin, twin_row)
-        self._places.append(self._rows.add(query[self._middle], mean))
-        self.stamps_ns.append(stamp_ns)
-        self.landmarks.append(landmarks)
-        self._clock_ns.append(clock_ns)
-        self.ids.append(number)
+        self.last_forgotten = ()
+        mean, number = self._means.of_rows(), self._added
+        self._rows.add(query[self._middle], mean)
+        self._order.append()
+        if self._limit:
+            self._note_likeness(query)
+        self._entries.add(number, stamp_ns, clock_ns, landmarks)
         self._added += 1
-        self._refresh(mean)
-        self.last_forgotten = None
-        if 0 < self._max_keyframes < len(self):
-            row = self._redundancy.most_redundant()
-            self._forget(len(self) - 1 if row is None else row)
-        return number if self.ids[-1] == number else None
-
-    def _forget(self, row: int) -> None:
-        self._redundancy.forget(row, self.ids[row])
-        self._rows.free(self._places[row])
-        self.last_forgotten = Forgotten(row, self.ids[row])
-        for values in (self._places, self.ids, self.stamps_ns, self._clock_ns, self.landmarks):
-            del values[row]
-
-    def _vector(self, row: int) -> Hypervector:
-        return self._rows.vector(self._places[row])
-
-    def _mean(self) -> NDArray[np.float32]:
-        """Return (d,), the mean of the middle forms."""
-        return (self._sums[self._middle] / max(self._seen, 1)).astype(np.float32)
-
-    def _refresh(self, mean: NDArray[np.float32]) -> None:
-        """Take the signs of the next rows in turn against the mean of today."""
         for _ in range(_REFRESHED):
             self._refreshed = (self._refreshed + 1) % len(self._rows)
             self._rows.sign(self._refreshed, mean)
+        while self._limit.exceeded(len(self), self.nbytes) and len(self):
+            row = self._redundancy.most_redundant()
+            self._forget(len(self) - 1 if row is None else row)
+        return None if self.row(number) is None else number
+
+    def _note_likeness(self, query: Hypervector) -> None:
+        asked, twin = self._likest
+        twin = twin if asked is query else None
+        twin_row = None if twin is None else self.row(twin)
+        self._redundancy.add(query[self._middle], twin, twin_row)
+
+    def _forget(self, row: int) -> None:
+        number = self.ids[row]
+        self._redundancy.forget(row, number)
+        self._rows.remove(self._order.place(row))
+        self._order.remove(row)
+        self._entries.remove(row)
+        self.last_forgotten += (Forgotten(row, number),)
+
+    def _vector(self, row: int) -> Hypervector:
+        return self._rows.vector(self._order.place(row))

@@ -106,7 +106,8 @@ class Detection:
         parameter `exact` is set.
     :param keyframe_id: the number under which the image was stored, None if it was not. Images
         are counted from 0; the number is the row until images before it are forgotten.
-    :param forgotten_id: the number of the image that was forgotten for it, None if none was.
+    :param not_stored: why there was no room for it; empty if there was.
+    :param forgotten_ids: the numbers of the images that were forgotten for it.
     :param milliseconds: spent in extract, encode, keypoints, query, verify, insert.
     """
 
@@ -117,7 +118,8 @@ class Detection:
         default_factory=lambda: np.empty(0, np.float32), compare=False
     )
     keyframe_id: int | None = None
-    forgotten_id: int | None = None
+    not_stored: str = ''
+    forgotten_ids: tuple[int, ...] = ()
     n_features: int = 0
     milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
 

@@ -17,6 +17,8 @@ _STEPS_PER_OCTAVE = 32
 _SMALLEST = 1 / 320
 _DIRECTIONS = 256
 _LEVELS = 255
+# Of memory, for the object and its arrays, whatever they hold.
+_OBJECTS_BYTES = 640
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Landmarks:
     def nbytes(self) -> int:
         """Bytes of memory held."""
         held = (self.places, self.octaves, self.directions, self.descriptors)
-        return sum(array.nbytes for array in held)
+        return _OBJECTS_BYTES + sum(array.nbytes for array in held)
 
     @property
     def points(self) -> NDArray[np.float32]:

@@ -30,7 +30,8 @@ def propose(similarities: NDArray[np.float32], count: int, skip_id: int | None) 
         if left[row] == -np.inf:
             break
         rows.append(row)
-        left[np.abs(np.arange(len(left)) - row) <= _RADIUS] = -np.inf
+        near = slice(max(row - _RADIUS, 0), row + _RADIUS + 1)
+        left[near] = -np.inf
     return rows
 
 

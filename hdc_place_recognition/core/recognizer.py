@@ -15,10 +15,13 @@ from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
 from hdc_place_recognition.core.keyframes import KeyframeSelector, no_odometry, Odometry
+from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.looking import Looker
+from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.core.selection import nanoseconds, StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
+from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params import Params
 from numpy.typing import NDArray
 
@@ -30,23 +33,28 @@ class PlaceRecognizer:
     :param params: may be replaced at any time; live parameters take effect with the next image.
     :param extractor: of local features.
     :param keypoints: extractor of what candidates are verified by, None to verify none.
+    :param rows: where the vectors of the database will be, in memory by default.
     :ivar odometry: asked for the robot's pose at the stamp of each image; may be replaced.
     """
 
     def __init__(
-        self, params: Params, extractor: Extractor, keypoints: Extractor | None = None
+        self,
+        params: Params,
+        extractor: Extractor,
+        keypoints: Extractor | None = None,
+        rows: Rows | None = None,
     ) -> None:
         self.params = params
         displacements = Displacements(
             params.displacements_x, params.displacements_y, params.displacement_step
         )
         self.database = Database(
-            params.dimensions,
+            Rows(params.dimensions) if rows is None else rows,
             len(displacements.offsets),
             params.center_database,
             extractor.identity,
             displacements.groups,
-            params.max_keyframes,
+            Limit(params.max_keyframes, params.max_database_mb),
         )
         self._looker = Looker(params, extractor, keypoints, displacements)
         self._sequence = SequenceBundler(
@@ -91,11 +99,13 @@ class PlaceRecognizer:
         self.selector.note_motion(description.moved)
         detection = self.recognize(description, rows=self._old_enough())
         watch = Stopwatch(detection.milliseconds)
-        with watch.stage('insert'):
-            keyframe_id = self.learn(description)
-        detection = replace(detection, keyframe_id=keyframe_id, milliseconds=watch.milliseconds)
-        forgotten = self.database.last_forgotten
-        return replace(detection, forgotten_id=forgotten.keyframe_id) if forgotten else detection
+        try:
+            with watch.stage('insert'):
+                detection = replace(detection, keyframe_id=self.learn(description))
+        except PlaceRecognitionError as error:
+            detection = replace(detection, not_stored=str(error))
+        forgotten = tuple(each.keyframe_id for each in self.database.last_forgotten)
+        return replace(detection, forgotten_ids=forgotten, milliseconds=watch.milliseconds)
 
     def describe(self, stamp_ns: int, image: NDArray[Any]) -> Description:
         """
@@ -155,20 +165,17 @@ class PlaceRecognizer:
         """
         Store an image and return its number.
 
-        :return: None where there is nothing to recognise it by, nothing new to be seen, or where
-            a full database can do without it.
+        :return: None where nothing, or nothing new, is seen, or a full database needs it not.
+        :raises PlaceRecognitionError: there is no room for it; nothing is changed.
         """
-        self.database.last_forgotten = None
         if description.empty or not description.moved:
+            self.database.last_forgotten = ()
             return None
-        keyframe_id = self.database.add(
-            description.stamp_ns,
-            self.selector.clock_ns,
-            description.query,
-            description.landmarks,
-        )
-        if self.database.last_forgotten is not None:
-            self._judge.consistency.forget(self.database.last_forgotten.row)
+        stamp_ns, query = description.stamp_ns, description.query
+        clock_ns, landmarks = self.selector.clock_ns, description.landmarks
+        keyframe_id = self.database.add(stamp_ns, clock_ns, query, landmarks)
+        for forgotten in self.database.last_forgotten:
+            self._judge.consistency.forget(forgotten.row)
         return keyframe_id
 
     def start_sequence(self) -> None:

@@ -32,6 +32,11 @@ class Redundancy:
         self._twin = array('q')
         self._twin_cosine = array('d')
 
+    @property
+    def row_nbytes(self) -> int:
+        """Bytes of memory held by each row."""
+        return 3 * 8 if self._before else 0
+
     def add(self, current: Hypervector, twin: int | None, twin_row: int | None) -> None:
         """
         Note a new row.

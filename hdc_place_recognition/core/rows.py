@@ -6,24 +6,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from hdc_place_recognition.core import hdc, signs
+from hdc_place_recognition.core.room import Memory, Room
+from hdc_place_recognition.core.sign_table import SignTable
 import numpy as np
 from numpy.typing import NDArray
 
 # With so few probes BLAS is faster one at a time, over rows that stay in the cache.
 _FEW_PROBES, _CACHED_ROWS = 3, 32
-# Few enough for the differing signs of a chunk to stay in the cache, enough to be worth a call.
+# Enough to be worth a call.
 _CHUNK_ROWS = 256
+# Vectors looked at before the room may let go of them.
+_RESTLESS = 512
 
 
 @dataclass(frozen=True)
 class _Chunk:
     """Some places; memory that was never written is not taken from the system."""
 
-    vectors: NDArray[np.float32]
+    vectors: NDArray[Any]
     squares: NDArray[np.float64]
-    signs: signs.Signs
 
 
 class Rows:
@@ -31,56 +35,68 @@ class Rows:
     Hypervectors in numbered places, with their signs and squared lengths.
 
     :param dimensions: d.
+    :param kind: float32, or float16 for half the memory.
+    :param room: where they are kept, in memory by default.
     """
 
-    def __init__(self, dimensions: int) -> None:
+    def __init__(self, dimensions: int, kind: str = 'float32', room: Room | None = None) -> None:
         self.dimensions = dimensions
+        self.signs = SignTable(signs.words(dimensions))
+        self._kind, self._room = np.dtype(kind), room or Memory()
         self._chunks: list[_Chunk] = []
         self._count = 0
-        self._free: list[int] = []
+        self._looked_at = 0
 
     def __len__(self) -> int:
-        """Return how many places were ever filled."""
+        """Return how many places are filled: the first ones."""
         return self._count
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of memory held."""
-        return self._count * (4 * self.dimensions + 8 * signs.words(self.dimensions) + 8)
+    def row_nbytes(self) -> int:
+        """Bytes of memory held by each row."""
+        vector = self._kind.itemsize * self.dimensions if self._room.resident else 0
+        return vector + 8 * signs.words(self.dimensions) + 8
 
-    def add(self, vector: hdc.Hypervector, threshold: hdc.Hypervector) -> int:
+    def add(self, vector: hdc.Hypervector, threshold: hdc.Hypervector) -> None:
         """
-        Store a vector and return its place, one that was freed if there is any.
+        Store a vector in the next place.
 
         :param vector: (d,) float32.
         :param threshold: (d,) float32, what its signs are taken against.
+        :raises PlaceRecognitionError: there is no room for it; nothing is changed.
         """
-        if self._free:
-            place = self._free.pop()
-        else:
-            place = self._count
-            if place == len(self._chunks) * _CHUNK_ROWS:
-                self._chunks.append(self._new_chunk())
-            self._count += 1
-        chunk, inside = self._at(place)
+        if self._count == len(self._chunks) * _CHUNK_ROWS:
+            self._chunks.append(self._new_chunk())
+        chunk, inside = self._at(self._count)
         chunk.vectors[inside] = vector
-        chunk.squares[inside] = float(vector @ vector)
-        self.sign(place, threshold)
-        return place
+        stored = chunk.vectors[inside].astype(np.float32)
+        chunk.squares[inside] = float(stored @ stored)
+        self._count += 1
+        self.sign(self._count - 1, threshold)
 
     def sign(self, place: int, threshold: hdc.Hypervector) -> None:
         """Take the signs of a place against another threshold."""
-        chunk, inside = self._at(place)
-        chunk.signs[inside] = signs.signs(chunk.vectors[inside][None], threshold)[0]
+        self.signs.put(place, signs.signs(self.vector(place)[None], threshold)[0])
 
-    def free(self, place: int) -> None:
-        """Let a place be filled with another vector."""
-        self._free.append(place)
+    def remove(self, place: int) -> None:
+        """Forget what is in a place; what is in the last one moves there."""
+        last = self._count - 1
+        if place != last:
+            (target, to), (source, inside) = self._at(place), self._at(last)
+            target.vectors[to] = source.vectors[inside]
+            target.squares[to] = source.squares[inside]
+            self.signs.put(place, self.signs.get(last))
+        self._count = last
+        self.signs.keep(last)
+        # One empty chunk stays: the next vector may need it again.
+        while len(self._chunks) > last // _CHUNK_ROWS + 2:
+            self._room.give_back(self._chunks.pop().vectors)
 
     def vector(self, place: int) -> hdc.Hypervector:
-        """Return (d,) float32, a view."""
+        """Return (d,) float32, a view where it is kept as that."""
+        self._look_at(1)
         chunk, inside = self._at(place)
-        return chunk.vectors[inside]
+        return chunk.vectors[inside].astype(np.float32, copy=False)
 
     def squares(self, count: int) -> NDArray[np.float64]:
         """Return (count,) float64, the squared lengths of the first places."""
@@ -88,38 +104,36 @@ class Rows:
 
     def products(self, probes: hdc.Hypervector, count: int) -> NDArray[np.float32]:
         """Return the products of the first places with probes (p, d): (count, p) float32."""
-        return np.concatenate(
-            [_products(chunk.vectors[:filled], probes) for chunk, filled in self._filled(count)]
-        )
-
-    def distances(self, queries: signs.Signs, count: int) -> NDArray[np.uint32]:
-        """Return how many signs of the first places differ from the nearest query (b, w)."""
-        return np.concatenate(
-            [
-                signs.distances(chunk.signs[:filled], queries)
-                for chunk, filled in self._filled(count)
-            ]
-        )
+        found = np.empty((count, len(probes)), np.float32)
+        for index, (chunk, filled) in enumerate(self._filled(count)):
+            rows = slice(index * _CHUNK_ROWS, index * _CHUNK_ROWS + filled)
+            found[rows] = _products(chunk.vectors[:filled], probes)
+            self._look_at(filled)
+        return found
 
     def gather(self, places: NDArray[np.intp]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return copies of some vectors (k, d) and their squared lengths (k,)."""
+        """Return copies of some vectors (k, d) float32 and their squared lengths (k,)."""
         vectors = np.empty((len(places), self.dimensions), np.float32)
         squares = np.empty(len(places))
         for index, place in enumerate(places.tolist()):
             chunk, inside = self._at(place)
             vectors[index], squares[index] = chunk.vectors[inside], chunk.squares[inside]
+        self._look_at(len(places))
         return vectors, squares
+
+    def _look_at(self, vectors: int) -> None:
+        self._looked_at += vectors
+        if self._looked_at >= _RESTLESS:
+            self._looked_at = 0
+            self._room.rest()
 
     def _at(self, place: int) -> tuple[_Chunk, int]:
         index, inside = divmod(place, _CHUNK_ROWS)
         return self._chunks[index], inside
 
     def _new_chunk(self) -> _Chunk:
-        return _Chunk(
-            np.empty((_CHUNK_ROWS, self.dimensions), np.float32),
-            np.empty(_CHUNK_ROWS),
-            np.empty((_CHUNK_ROWS, signs.words(self.dimensions)), np.uint64),
-        )
+        vectors = self._room.take(_CHUNK_ROWS, self.dimensions, self._kind)
+        return _Chunk(vectors, np.empty(_CHUNK_ROWS))
 
     def _filled(self, count: int) -> Iterator[tuple[_Chunk, int]]:
         """Yield the chunks of the first places with the number of these that each has."""
@@ -127,7 +141,8 @@ class Rows:
             yield self._chunks[start // _CHUNK_ROWS], min(count - start, _CHUNK_ROWS)
 
 
-def _products(vectors: NDArray[np.float32], probes: hdc.Hypervector) -> NDArray[np.float32]:
+def _products(vectors: NDArray[Any], probes: hdc.Hypervector) -> NDArray[np.float32]:
+    vectors = vectors.astype(np.float32, copy=False)
     if len(probes) > _FEW_PROBES:
         return vectors @ probes.T
     products = np.empty((len(vectors), len(probes)), np.float32)

@@ -11,8 +11,10 @@ pass over the rows as they are, with mu as one more query.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from hdc_place_recognition.core import hdc, signs
+from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.rows import Rows
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,9 @@ _NOTHING = 1e-9
 # Rows that signs put first; the best row is among 300 in all of 81 displaced queries to 10,000
 # rows made of real images, the best ten to 99 %.
 _NEAREST = 512
+# Of more rows, those that the first part of the signs puts first are looked at with all signs:
+# this share, and at least so many.
+_ALL_SIGNS, _SHARE, _LEAST = 32768, 16, 8192
 # Evenly spaced rows that stand for all.
 _SPACED = 128
 # The rows before and after these best ones are compared too: a neighbour may fit better.
@@ -35,12 +40,12 @@ class Answer:
 
     :param similarities: (n,) float32, -1 to 1, each under the best displacement. Those of rows
         that were not compared are estimates from signs, and none is above one that was.
-    :param displacements: (n,) intp, which one that is; that by nothing where not compared.
+    :param displacements: (n,) uint8, which one that is; that by nothing where not compared.
     :param background: (b,) float32, similarities that are distributed as those of all rows.
     """
 
     similarities: NDArray[np.float32]
-    displacements: NDArray[np.intp]
+    displacements: NDArray[np.uint8]
     background: NDArray[np.float32]
 
 
@@ -63,7 +68,7 @@ class Question:
 
     def cosines(
         self, products: NDArray[np.float32], squares: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """
         Return the best centred cosine of each row and its form; 0 where there is no direction.
 
@@ -82,7 +87,7 @@ class Question:
         )
         best = cosine.argmax(axis=1)
         similarities = np.take_along_axis(cosine, best[:, None], axis=1)[:, 0]
-        return np.clip(similarities, -1, 1).astype(np.float32), best
+        return np.clip(similarities, -1, 1).astype(np.float32), best.astype(np.uint8)
 
     def probes(self) -> hdc.Hypervector:
         """Return (s + 1, d) float32: the centred forms and the mean of the rows."""
@@ -90,21 +95,24 @@ class Question:
         return np.concatenate([centred, self.means[self.middle][None]]).astype(np.float32)
 
 
-def search_all(rows: Rows, places: NDArray[np.intp], question: Question) -> Answer:
+def search_all(rows: Rows, order: Order, count: int, question: Question) -> Answer:
     """
     Compare a query with all rows.
 
-    :param places: (n,) of the rows that are asked for, in the order of the answer.
+    :param order: where they are.
+    :param count: the first rows that are asked for.
     """
-    count = int(places.max()) + 1
-    products = rows.products(question.probes(), count)[places]
-    similarities, displacements = question.cosines(products, rows.squares(count)[places])
+    extent = order.extent(count)
+    products = order.in_order(rows.products(question.probes(), extent).T, count).T
+    squares = order.in_order(rows.squares(extent), count)
+    similarities, displacements = question.cosines(products, squares)
     return Answer(similarities, displacements, similarities)
 
 
 def search_in_two_stages(
     rows: Rows,
-    places: NDArray[np.intp],
+    order: Order,
+    count: int,
     question: Question,
     groups: tuple[tuple[int, ...], ...],
 ) -> Answer:
@@ -114,41 +122,65 @@ def search_in_two_stages(
     Signs are compared with bundles of neighbouring forms: a bundle is similar to each of its
     parts, so that a few of them stand for all displacements.
 
-    :param places: (n,) of the rows that are asked for, in the order of the answer.
+    :param order: where the rows are.
+    :param count: the first rows that are asked for.
     :param groups: indices of the forms that are bundled.
     """
-    centred = hdc.normalize((question.query - question.means).astype(np.float32))
-    bundles = np.stack([centred[list(group)].sum(axis=0) for group in groups])
-    zero = np.zeros(rows.dimensions, np.float32)
-    queries = signs.signs(bundles, zero)
-    distances = rows.distances(queries, int(places.max()) + 1)[places]
-    similarities = signs.cosines(distances, rows.dimensions)
-    displacements = np.full(len(places), question.middle, np.intp)
+    near, similarities = _nearest_by_signs(rows, order, count, question, groups)
+    displacements = np.full(count, question.middle, np.uint8)
     probes = question.probes()
 
     def compare(chosen: NDArray[np.intp]) -> None:
-        vectors, squares = rows.gather(places[chosen])
+        vectors, squares = rows.gather(order.places(chosen))
         answer = question.cosines(vectors @ probes.T, squares)
         similarities[chosen], displacements[chosen] = answer
 
-    spaced = np.linspace(0, len(places) - 1, min(_SPACED, len(places))).astype(np.intp)
-    near = nearest(distances, _NEAREST)
+    spaced = np.linspace(0, count - 1, min(_SPACED, count)).astype(np.intp)
     compared = np.union1d(near, spaced)
     compare(compared)
     best = near[np.argsort(-similarities[near], kind='stable')[:_BEST]]
-    beside = np.clip(np.union1d(best - 1, best + 1), 0, len(places) - 1)
+    beside = np.clip(np.union1d(best - 1, best + 1), 0, count - 1)
     beside = np.setdiff1d(beside, compared)
     compare(beside)
-    others = np.ones(len(places), np.bool_)
-    others[compared] = others[beside] = False
-    similarities[others] = np.minimum(similarities[others], similarities[near].min())
+    compared = np.union1d(compared, beside)
+    exact = similarities[compared]
+    np.minimum(similarities, similarities[near].min(), out=similarities)
+    similarities[compared] = exact
     return Answer(similarities, displacements, similarities[spaced])
 
 
-def nearest(distances: NDArray[np.uint32], count: int) -> NDArray[np.intp]:
+def _nearest_by_signs(
+    rows: Rows,
+    order: Order,
+    count: int,
+    question: Question,
+    groups: tuple[tuple[int, ...], ...],
+) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Return the rows to be compared, rising, and estimates (count,) of all similarities."""
+    centred = hdc.normalize((question.query - question.means).astype(np.float32))
+    bundles = np.stack([centred[list(group)].sum(axis=0) for group in groups])
+    queries = signs.signs(bundles, np.zeros(rows.dimensions, np.float32))
+    coarse = order.in_order(rows.signs.coarse(queries, order.extent(count)), count)
+    least = coarse.min(axis=0)
+    if count > _ALL_SIGNS:
+        chosen = nearest(least, max(count // _SHARE, _LEAST))
+    else:
+        chosen = np.arange(count)
+    places = order.places(chosen)
+    by_place = np.argsort(places)
+    distances = np.empty((len(queries), len(chosen)), np.uint32)
+    distances[:, by_place] = rows.signs.fine(queries, places[by_place])
+    distances += coarse[:, chosen]
+    nearest_query = distances.min(axis=0)
+    similarities = signs.cosines(least, min(rows.signs.coarse_dimensions, rows.dimensions))
+    similarities[chosen] = signs.cosines(nearest_query, rows.dimensions)
+    return chosen[nearest(nearest_query, _NEAREST)], similarities
+
+
+def nearest(distances: NDArray[np.unsignedinteger[Any]], count: int) -> NDArray[np.intp]:
     """Return the rows of the least distances in order of their numbers; of equals the first."""
     if len(distances) <= count:
         return np.arange(len(distances))
-    # A distance and a row in one number: no two are equal.
-    keys = distances.astype(np.int64) * len(distances) + np.arange(len(distances))
-    return np.sort(np.argpartition(keys, count)[:count])
+    last = np.partition(distances, count - 1)[count - 1]
+    below, equal = np.flatnonzero(distances < last), np.flatnonzero(distances == last)
+    return np.sort(np.concatenate([below, equal[: count - len(below)]]))

@@ -7,14 +7,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_WORD = 64
+WORD = 64
 Signs = NDArray[np.uint64]
-_ONES = np.array([bin(value).count('1') for value in range(1 << 16)], np.uint8)
+# Ones in pairs, in fours and in bytes, and the sum of all bytes: population count in a word.
+_PAIRS, _FOURS, _BYTES, _SUM = (
+    np.uint64(value)
+    for value in (0x5555555555555555, 0x3333333333333333, 0x0F0F0F0F0F0F0F0F, 0x0101010101010101)
+)
 
 
 def words(dimensions: int) -> int:
     """Return how many words the signs of so many elements take."""
-    return -(-dimensions // _WORD)
+    return -(-dimensions // WORD)
 
 
 def signs(vectors: NDArray[np.float32], threshold: NDArray[np.float32]) -> Signs:
@@ -27,32 +31,23 @@ def signs(vectors: NDArray[np.float32], threshold: NDArray[np.float32]) -> Signs
     """
     count, dimensions = vectors.shape
     packed = np.packbits(vectors > threshold, axis=1)
-    if dimensions % _WORD:
+    if dimensions % WORD:
         packed = np.pad(packed, ((0, 0), (0, 8 * words(dimensions) - packed.shape[1])))
     return packed.view(np.uint64).reshape(count, -1)
 
 
-def distances(rows: Signs, queries: Signs) -> NDArray[np.uint32]:
-    """
-    Return the Hamming distance of each row to the nearest of some queries.
-
-    :param rows: (n, w) uint64.
-    :param queries: (b, w) uint64.
-    :return: (n,) uint32.
-    """
-    differing = _count(rows[:, None] ^ queries)
-    summed: NDArray[np.uint32] = np.einsum('nbw->nb', differing, dtype=np.uint32)
-    return summed.min(axis=1)
-
-
-def cosines(distances: NDArray[np.uint32], dimensions: int) -> NDArray[np.float32]:
+def cosines(distances: NDArray[np.uint16], dimensions: int) -> NDArray[np.float32]:
     """Return the cosines to be expected: signs differ as often as the angle says."""
-    return np.cos(np.float32(np.pi / dimensions) * distances.astype(np.float32))
+    angles = np.multiply(distances, np.float32(np.pi / dimensions), dtype=np.float32)
+    return np.cos(angles, out=angles)
 
 
-def count_by_table(bits: Signs) -> NDArray[np.uint8]:
-    """Return the number of ones in each half word: for numpy before 2, which cannot count bits."""
-    return _ONES[bits.view(np.uint16)]
+def count_in_words(bits: Signs) -> NDArray[np.uint8]:
+    """Return the number of ones in each word: for numpy before 2, which cannot count bits."""
+    bits = bits - (bits >> np.uint64(1) & _PAIRS)
+    bits = (bits & _FOURS) + (bits >> np.uint64(2) & _FOURS)
+    bits = (bits + (bits >> np.uint64(4))) & _BYTES
+    return (bits * _SUM >> np.uint64(56)).astype(np.uint8)
 
 
-_count = getattr(np, 'bitwise_count', count_by_table)
+count = getattr(np, 'bitwise_count', count_in_words)

@@ -139,7 +139,12 @@ class PlaceRecognitionNode(Node):
         if detection.keyframe_id is not None:
             self._positions.add_keyframe(detection.keyframe_id, detection.stamp_ns)
         self._candidates.publish(candidates_message(header, self._located(detection.candidates)))
-        self._positions.forget(detection.forgotten_id)
+        for forgotten_id in detection.forgotten_ids:
+            self._positions.forget(forgotten_id)
+        if detection.not_stored:
+            self.get_logger().warning(
+                f'image not stored: {detection.not_stored}', throttle_duration_sec=_WARN_PERIOD_S
+            )
         if detection.accepted:
             self._closures.publish(candidates_message(header, self._located(detection.accepted)))
             self.get_logger().info(closure_line(detection))

@@ -1,0 +1,113 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The signs of many hypervectors, laid out for looking at a part of each before the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hdc_place_recognition.core.signs import count, Signs, WORD
+import numpy as np
+from numpy.typing import NDArray
+
+# The first part: 1024 signs tell which 16th of all rows is worth the others.
+_COARSE_WORDS = 16
+# What is computed of a block stays in the cache, and is enough to be worth a call.
+_BLOCK_ROWS = 2048
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Some places: their first words, a row of the matrix each, and the others of each place."""
+
+    coarse: Signs
+    fine: Signs
+
+
+class SignTable:
+    """
+    Signs in numbered places.
+
+    :param words: of a place.
+    """
+
+    def __init__(self, words: int) -> None:
+        self._words = words
+        self._coarse_words = min(words, _COARSE_WORDS)
+        self._blocks: list[_Block] = []
+
+    @property
+    def coarse_dimensions(self) -> int:
+        """Return how many signs the first part has."""
+        return self._coarse_words * WORD
+
+    def put(self, place: int, signs: Signs) -> None:
+        """Set the signs (w,) of a place, at most one more than there are."""
+        if place == len(self._blocks) * _BLOCK_ROWS:
+            self._blocks.append(self._new_block())
+        block, inside = self._blocks[place // _BLOCK_ROWS], place % _BLOCK_ROWS
+        block.coarse[:, inside], block.fine[inside] = np.split(signs, [self._coarse_words])
+
+    def get(self, place: int) -> Signs:
+        """Return the signs (w,) of a place."""
+        block, inside = self._blocks[place // _BLOCK_ROWS], place % _BLOCK_ROWS
+        return np.concatenate([block.coarse[:, inside], block.fine[inside]])
+
+    def keep(self, places: int) -> None:
+        """Let go of memory behind the first places."""
+        while len(self._blocks) > places // _BLOCK_ROWS + 1:
+            self._blocks.pop()
+
+    def coarse(self, queries: Signs, places: int) -> NDArray[np.uint16]:
+        """
+        Return in how many signs of the first part queries and the first places differ.
+
+        :param queries: (b, w).
+        :return: (b, places) uint16.
+        """
+        first, _ = np.split(queries, [self._coarse_words], axis=1)
+        found = np.empty((len(queries), places), np.uint16)
+        differing = np.empty((self._coarse_words, _BLOCK_ROWS), np.uint64)
+        for block, start, filled in self._filled(places):
+            coarse, out = block.coarse[:, :filled], differing[:, :filled]
+            rows = slice(start, start + filled)
+            for query, distances in zip(first, found[:, rows], strict=True):
+                np.bitwise_xor(coarse, query[:, None], out=out)
+                np.add.reduce(count(out), axis=0, dtype=np.uint16, out=distances)
+        return found
+
+    def fine(self, queries: Signs, places: NDArray[np.intp]) -> NDArray[np.uint32]:
+        """
+        Return in how many signs of the other part queries and some places differ.
+
+        :param queries: (b, w).
+        :param places: (k,), rising.
+        :return: (b, k) uint32.
+        """
+        found = np.empty((len(queries), len(places)), np.uint32)
+        if not len(places):
+            return found
+        _, rest = np.split(queries, [self._coarse_words], axis=1)
+        for block, start, _ in self._filled(int(places[-1]) + 1):
+            first, end = np.searchsorted(places, [start, start + _BLOCK_ROWS])
+            if first == end:
+                continue
+            rows = block.fine[places[first:end] - start]
+            differing = np.empty_like(rows)
+            for query, distances in zip(rest, found[:, first:end], strict=True):
+                counted = count(np.bitwise_xor(rows, query, out=differing))
+                np.einsum('nw->n', counted, dtype=np.uint32, out=distances)
+        return found
+
+    def _new_block(self) -> _Block:
+        rest = self._words - self._coarse_words
+        return _Block(
+            np.empty((self._coarse_words, _BLOCK_ROWS), np.uint64),
+            np.empty((_BLOCK_ROWS, rest), np.uint64),
+        )
+
+    def _filled(self, places: int) -> Iterator[tuple[_Block, int, int]]:
+        """Yield the blocks of the first places, where each starts and how many it has."""
+        for start in range(0, places, _BLOCK_ROWS):
+            yield self._blocks[start // _BLOCK_ROWS], start, min(places - start, _BLOCK_ROWS)
