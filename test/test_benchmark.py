@@ -5,13 +5,15 @@
 import json
 
 from conftest import ROOT
-from hdc_place_recognition.benchmark import node, search
+from hdc_place_recognition.benchmark import memory, node, search
 from hdc_place_recognition.benchmark.command import main
+from hdc_place_recognition.benchmark.filling import fill_alone, Filling
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.report import curves, table
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import each_milliseconds, Measurement
-from hdc_place_recognition.benchmark.vectors import World
+from hdc_place_recognition.benchmark.vectors import Crowd, World
+from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params import Params
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
@@ -75,6 +77,35 @@ def test_database_of_the_node_holds_the_drive_again():
     assert all(candidate.inliers > 30 for candidate in first.candidates[:2])
 
 
+def test_memory_is_measured_in_processes_of_their_own(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr('hdc_place_recognition.benchmark.command.read_bandwidth', lambda: 1.0)
+    small = {'_IMAGES': 600, '_MANY': 300, '_KEPT': 60, '_MEGABYTES': 2.0, '_MILLION': 900}
+    for name, value in {**small, '_QUERIES': 3}.items():
+        monkeypatch.setattr(memory, name, value)
+    monkeypatch.setattr(memory, 'gettempdir', lambda: str(tmp_path))
+    assert main(['--only', 'memory', 'million', '--output', str(tmp_path / 'out')]) == 0
+    written = json.loads((tmp_path / 'out' / 'benchmark.json').read_text())['measurements']
+    found = {each['name']: each for each in written}
+    assert found['max_keyframes 60: kept of 300']['value'] == 60
+    assert found['max_keyframes 60: forgotten']['value'] == 240
+    assert 0.9 < found['max_database_mb 2: kept of 300']['ratio'] <= 1
+    assert found['two-stage place found, 900 rows']['value'] == 1
+    assert found['insertion up to row 600, median']['value'] > 0
+    assert {file.name for file in tmp_path.iterdir()} == {'out'}
+
+
+def test_no_room_for_a_million_is_said(caplog, monkeypatch):
+    caplog.set_level('INFO')
+    monkeypatch.setattr(memory, '_MILLION', 10**12)
+    assert list(memory.measure_million(None)) == []
+    assert 'set TMPDIR' in caplog.text
+
+
+def test_failing_process_is_named():
+    with pytest.raises(PlaceRecognitionError, match=r'database of 5 images: .*rows_folder /none'):
+        fill_alone(Filling(5, folder='/none'))
+
+
 def test_bad_size_is_a_usage_error(capsys):
     with pytest.raises(SystemExit):
         main(['--sizes', '0'])
@@ -102,14 +133,16 @@ def test_table_and_curves():
     }
 
 
-def test_world_is_the_same_in_any_order_and_clustered():
-    world, again = World(1000), World(1000)
+@pytest.mark.parametrize('kind', [World, Crowd])
+def test_world_is_the_same_in_any_order_and_clustered(kind):
+    world, again = kind(1000), kind(1000)
     late = again.row(7)
     rows = np.stack([world.row(number) for number in range(10)])
     assert np.array_equal(rows[7], late)
     alike = rows @ rows.T
     assert alike[0, 1:5].min() > alike[0, 5:].max() > 0.1
     assert world.query(0).shape == (25, 4096)
+    assert sum(world.shows(0, row) for row in range(1000)) == 5
 
 
 def test_each_run_is_timed():

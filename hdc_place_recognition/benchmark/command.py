@@ -58,7 +58,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--large',
         action='store_true',
-        help=f'also search {_LARGE} rows: minutes, and gigabytes of memory',
+        help=f'also search {_LARGE} rows and measure {", ".join(sorted(LARGE_PARTS))}: minutes, '
+        'gigabytes of memory, and 8 GB in the folder of temporary files',
     )
     parser.add_argument(
         '--only',
@@ -75,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         default=Path('results'),
         metavar='FOLDER',
-        help='where benchmark.json and benchmark.png are written [%(default)s]',
+        help='where benchmark.json and plots are written [%(default)s]',
     )
     return parser
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from hdc_place_recognition.benchmark.encoding import measure_encoding
 from hdc_place_recognition.benchmark.images import measure_extraction, measure_pipeline
+from hdc_place_recognition.benchmark.memory import measure_memory, measure_million
 from hdc_place_recognition.benchmark.node import measure_node
 from hdc_place_recognition.benchmark.search import measure_search
 from hdc_place_recognition.benchmark.settings import Settings
@@ -21,7 +22,9 @@ PARTS: Mapping[str, Callable[[Settings], Iterator[Measurement]]] = MappingProxyT
         'extraction': measure_extraction,
         'pipeline': measure_pipeline,
         'node': measure_node,
+        'memory': measure_memory,
+        'million': measure_million,
     }
 )
 # What takes minutes or gigabytes is measured only if it is asked for.
-LARGE_PARTS: frozenset[str] = frozenset()
+LARGE_PARTS = frozenset({'memory', 'million'})

@@ -15,7 +15,9 @@ import re
 from hdc_place_recognition.benchmark.timing import Measurement
 import numpy as np
 
+_PART = re.compile(r'insertion up to row (?P<row>\d+), (?P<kind>\w+)')
 _SIZED = re.compile(r'(?P<what>(exact|two-stage) query, .*|insertion, .*), (?P<rows>\d+) rows')
+Curves = dict[str, list[tuple[int, float]]]
 
 
 def table(measurements: Sequence[Measurement]) -> str:
@@ -36,7 +38,11 @@ def table(measurements: Sequence[Measurement]) -> str:
 
 
 def write(measurements: Sequence[Measurement], folder: Path) -> list[Path]:
-    """Write benchmark.json and, if matplotlib is installed, benchmark.png; return the files."""
+    """
+    Write benchmark.json and, if matplotlib is installed, plots; return the files.
+
+    benchmark.png is of what depends on the size of a database; insertion.png of one that grows.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / 'benchmark.json'
     about = {'machine': platform.machine(), 'python': platform.python_version()}
@@ -45,12 +51,17 @@ def write(measurements: Sequence[Measurement], folder: Path) -> list[Path]:
     file.write_text(json.dumps(content, indent=2) + '\n')
     if find_spec('matplotlib') is None:
         return [file]
-    return [file, _draw(measurements, folder / 'benchmark.png')]
+    files = [file]
+    if curves(measurements):
+        files.append(_draw_sizes(measurements, folder / 'benchmark.png'))
+    if parts := insertions(measurements):
+        files.append(_draw_insertions(parts, folder / 'insertion.png'))
+    return files
 
 
-def curves(measurements: Sequence[Measurement]) -> dict[str, list[tuple[int, float]]]:
+def curves(measurements: Sequence[Measurement]) -> Curves:
     """Return for what depends on the database's size (rows, milliseconds), in order."""
-    found: dict[str, list[tuple[int, float]]] = {}
+    found: Curves = {}
     for each in measurements:
         if match := _SIZED.fullmatch(each.name):
             value = each.value / 1e3 if each.unit == 'us' else each.value
@@ -58,14 +69,34 @@ def curves(measurements: Sequence[Measurement]) -> dict[str, list[tuple[int, flo
     return {name: sorted(points) for name, points in found.items()}
 
 
-def _draw(measurements: Sequence[Measurement], file: Path) -> Path:
+def insertions(measurements: Sequence[Measurement]) -> Curves:
+    """Return median and maximum of insertion (row, microseconds) while a database grows."""
+    found: Curves = {}
+    for each in measurements:
+        if match := _PART.fullmatch(each.name):
+            found.setdefault(match['kind'], []).append((int(match['row']), each.value))
+    return found
+
+
+def _draw_sizes(measurements: Sequence[Measurement], file: Path) -> Path:
+    scales = {'xscale': 'log', 'yscale': 'log'}
+    return _draw(
+        curves(measurements), file, xlabel='images in the database', ylabel='ms', **scales
+    )
+
+
+def _draw_insertions(parts: Curves, file: Path) -> Path:
+    return _draw(parts, file, xlabel='row', ylabel='us for an insertion', yscale='log')
+
+
+def _draw(lines: Curves, file: Path, **axis: str) -> Path:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 4.5), layout='constrained')
     axes = figure.subplots()
-    for name, points in curves(measurements).items():
-        axes.loglog(*zip(*points, strict=True), marker='o', label=name)
-    axes.set(xlabel='images in the database', ylabel='ms')
+    for name, points in lines.items():
+        axes.plot(*zip(*points, strict=True), marker='o', label=name)
+    axes.set(**axis)
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(file, dpi=120)

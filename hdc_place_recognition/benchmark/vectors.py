@@ -16,6 +16,9 @@ _VIEW_NOISE, _QUERY_NOISE = 0.8, 1.0
 # How much of a place is left in forms displaced by 0, 1, 2, ... steps from where it is.
 _FADING = np.array([1.0, 0.7, 0.35, 0.15, 0.05, 0.0, 0.0], np.float32)
 
+# Noises that are cut anywhere; a prime that takes successive numbers far from each other.
+_CUT, _SCATTERED = 1009, 2_654_435_761
+
 
 class World:
     """
@@ -40,7 +43,7 @@ class World:
     def query(self, number: int) -> Hypervector:
         """Return (s, d), a known place again, displaced, under all displacements."""
         rng = np.random.default_rng([self._seed, 2, number])
-        place = self._place(int(rng.integers(-(-self._rows // _VIEWS))))
+        place = self._place(self._asked(rng))
         y, x = np.divmod(np.arange(_FORMS), SIDE)
         steps = np.hypot(x - rng.integers(SIDE), y - rng.integers(SIDE))
         left = _FADING[np.rint(steps).astype(int)]
@@ -49,10 +52,42 @@ class World:
         clutter = _QUERY_NOISE / 2 * smooth.reshape(_FORMS, -1)
         return normalize(left[:, None] * place + clutter + self._common)
 
+    def shows(self, number: int, row: int) -> bool:
+        """Return whether a row is a view of the place that a query asks for."""
+        rng = np.random.default_rng([self._seed, 2, number])
+        return row // _VIEWS == self._asked(rng)
+
+    def _asked(self, rng: np.random.Generator) -> int:
+        return int(rng.integers(-(-self._rows // _VIEWS)))
+
     def _place(self, number: int) -> Hypervector:
         rng = np.random.default_rng([self._seed, 3, number])
         shared = self._themes[rng.integers(_THEMES, size=2)].sum(axis=0)
         return normalize(shared + _noise(rng, 1)[0])
+
+
+class Crowd(World):
+    """The same for millions of rows: what is their own is one of many cuts of some noise."""
+
+    def __init__(self, rows: int, seed: int = 0) -> None:
+        super().__init__(rows, seed)
+        drawn = _noise(np.random.default_rng([seed, 4]), _CUT)
+        self._noise = np.concatenate([drawn, drawn], axis=1)
+
+    def row(self, number: int) -> Hypervector:
+        """Return (d,), one view of a place."""
+        own = self._place(number // _VIEWS) + _VIEW_NOISE * self._cut(_SCATTERED * number + 1)
+        return normalize(own + self._common[_FORMS // 2])
+
+    def _place(self, number: int) -> Hypervector:
+        scattered = _SCATTERED * (self._rows + number)
+        shared = self._themes[scattered % _THEMES] + self._themes[scattered // _THEMES % _THEMES]
+        return normalize(shared + self._cut(scattered))
+
+    def _cut(self, number: int) -> Hypervector:
+        start = number // _CUT % DIMENSIONS
+        cut: Hypervector = self._noise[number % _CUT, slice(start, start + DIMENSIONS)]
+        return cut
 
 
 def _noise(rng: np.random.Generator, count: int) -> Hypervector:

@@ -19,7 +19,7 @@ _FEW_PROBES, _CACHED_ROWS = 3, 32
 # Enough to be worth a call.
 _CHUNK_ROWS = 256
 # Vectors looked at before the room may let go of them.
-_RESTLESS = 512
+_RESTLESS = 128
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Rows:
             self._chunks.append(self._new_chunk())
         chunk, inside = self._at(self._count)
         chunk.vectors[inside] = vector
-        stored = chunk.vectors[inside].astype(np.float32)
+        stored = chunk.vectors[inside].astype(np.float32, copy=False)
         chunk.squares[inside] = float(stored @ stored)
         self._count += 1
         self.sign(self._count - 1, threshold)
@@ -118,7 +118,7 @@ class Rows:
         for index, place in enumerate(places.tolist()):
             chunk, inside = self._at(place)
             vectors[index], squares[index] = chunk.vectors[inside], chunk.squares[inside]
-        self._look_at(len(places))
+            self._look_at(1)
         return vectors, squares
 
     def _look_at(self, vectors: int) -> None:
