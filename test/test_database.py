@@ -4,6 +4,7 @@
 
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.hdc import normalize
+from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.rows import Rows
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +89,46 @@ def test_asking_changes_nothing():
         asked.add(index, index, query)
     found, expected = asked.ask(queries[5]), filled(queries[:5]).ask(queries[5])
     assert np.array_equal(found.similarities, expected.similarities)
+
+
+def test_one_form_in_any_order_of_calls():
+    rng = np.random.default_rng(1)
+    queries = images(400, forms=1)
+    database = Database(Rows(64), 1, True, 'test', limit=Limit(100))
+    seen: list[int] = []
+    for index, query in enumerate(queries):
+        action = rng.integers(4)
+        if action:
+            database.see(query)
+            seen.append(index)
+        if action > 1 and len(database):
+            count = int(rng.integers(1, len(database) + 1)) if action == 2 else len(database)
+            found = database.ask(query, count, exact=True).similarities
+            means = queries[seen].astype(np.float64).mean(axis=0)
+            rows = queries[list(database.ids)[:count], 0] - means
+            expected = rows @ (query - means)[0] / np.linalg.norm(query - means)
+            expected /= np.linalg.norm(rows, axis=1)
+            assert np.allclose(found, expected, atol=1e-6)
+        # Numbers are those of images that were added: all of them.
+        database.add(index, index, query)
+    assert len(database) == 100 and database.forgotten == 300
+
+
+def test_a_query_just_seen_needs_one_pass_over_the_rows(monkeypatch):
+    queries = images(60, forms=1)
+    database = filled(queries[:50])
+    database.ask(queries[50], exact=True)
+    passes = []
+    products = Rows.products
+
+    def counted(self, probes, count, first=0):
+        passes.append((len(probes), count - first))
+        return products(self, probes, count, first)
+
+    monkeypatch.setattr(Rows, 'products', counted)
+    database.see(queries[51])
+    database.ask(queries[51], exact=True)
+    assert sum(probes * rows for probes, rows in passes) == 50
 
 
 def test_first_rows_only():

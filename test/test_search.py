@@ -134,7 +134,7 @@ def test_distances_to_queries(dimensions, monkeypatch):
     rows = signs.signs(vectors, np.float32(0))
     table = SignTable(signs.words(dimensions))
     for place, row in enumerate(rows):
-        table.put(place, row)
+        table.put(place, row[None])
     places = np.array([3, 700, 2047, 2048, 2059])
     differing = (vectors[:, None] > 0) != (vectors[None, :3] > 0)
     expected = differing[places].sum(axis=2)

@@ -16,7 +16,7 @@ from hdc_place_recognition.benchmark.timing import Measurement
 import numpy as np
 
 _PART = re.compile(r'insertion up to row (?P<row>\d+), (?P<kind>\w+)')
-_SIZED = re.compile(r'(?P<what>(exact|two-stage) query, .*|insertion, .*), (?P<rows>\d+) rows')
+_SIZED = re.compile(r'(?P<what>(exact|two-stage) query, [^:]*|insertion, .*), (?P<rows>\d+) rows')
 Curves = dict[str, list[tuple[int, float]]]
 
 

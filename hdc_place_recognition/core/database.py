@@ -10,6 +10,7 @@ from hdc_place_recognition.core.entries import Entries
 from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.landmarks import Landmarks
 from hdc_place_recognition.core.limit import Forgotten, Limit
+from hdc_place_recognition.core.mean_products import MeanProducts
 from hdc_place_recognition.core.means import Means
 from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.redundancy import Redundancy
@@ -22,7 +23,7 @@ import numpy as np
 # any: 0.6 and 1.3, 1.5 and 1.6, 2.8 and 1.9 ms.
 TWO_STAGES_FROM = 2048
 # With each new row the signs of this many others are taken anew, against the mean of today: no
-# row's mean is then of less than half the images.
+# row's mean is then of less than half the images. A power of 2: they lie beside each other.
 _REFRESHED = 2
 
 
@@ -59,6 +60,7 @@ class Database:
         self._rows, self._order = rows, Order()
         self._entries = Entries()
         self._means = Means(displacements, rows.dimensions)
+        self._products = MeanProducts(rows, self._means)
         self._middle = displacements // 2
         self._groups = groups or (tuple(range(displacements)),)
         self._refreshed = 0
@@ -133,7 +135,7 @@ class Database:
             return Answer(nothing, np.empty(0, np.uint8), nothing)
         question = Question(query, self._means.of_forms())
         if exact or count < TWO_STAGES_FROM:
-            answer = search_all(self._rows, self._order, count, question)
+            answer = search_all(self._rows, self._products, self._order, count, question)
         else:
             answer = search_in_two_stages(self._rows, self._order, count, question, self._groups)
         self._likest = query, self.ids[int(answer.similarities.argmax())]
@@ -163,10 +165,10 @@ class Database:
             self._note_likeness(query)
         self._entries.add(number, stamp_ns, clock_ns, landmarks)
         self._added += 1
-        for _ in range(_REFRESHED):
-            self._refreshed = (self._refreshed + 1) % len(self._rows)
-            self._rows.sign(self._refreshed, mean)
-        while self._limit.exceeded(len(self), self.nbytes) and len(self):
+        start = self._refreshed if self._refreshed < len(self._rows) else 0
+        self._rows.sign(start, mean, _REFRESHED)
+        self._refreshed = start + _REFRESHED
+        while self._limit and len(self) and self._limit.exceeded(len(self), self.nbytes):
             row = self._redundancy.most_redundant()
             self._forget(len(self) - 1 if row is None else row)
         return None if self.row(number) is None else number
@@ -180,6 +182,7 @@ class Database:
     def _forget(self, row: int) -> None:
         number = self.ids[row]
         self._redundancy.forget(row, number)
+        self._products.forget(self._order.place(row))
         self._rows.remove(self._order.place(row))
         self._order.remove(row)
         self._entries.remove(row)

@@ -19,18 +19,21 @@ class Means:
 
     def __init__(self, forms: int, dimensions: int) -> None:
         self._sums = np.zeros((forms, dimensions))
-        self._seen = 0
+        self.seen = 0
 
     def see(self, query: Hypervector) -> None:
         """Take in the forms (s, d) of an image."""
         self._sums += query
-        self._seen += 1
+        self.seen += 1
 
     def of_forms(self) -> NDArray[np.float64]:
         """Return (s, d)."""
-        return self._sums / max(self._seen, 1)
+        return self._sums / max(self.seen, 1)
+
+    def sum_of_rows(self) -> NDArray[np.float64]:
+        """Return (d,), the sum of the middle forms."""
+        return self._sums[len(self._sums) // 2].copy()
 
     def of_rows(self) -> NDArray[np.float32]:
         """Return (d,), that of the middle forms."""
-        middle = self._sums[len(self._sums) // 2]
-        return (middle / max(self._seen, 1)).astype(np.float32)
+        return (self._sums[len(self._sums) // 2] / max(self.seen, 1)).astype(np.float32)

@@ -74,9 +74,13 @@ class Rows:
         self._count += 1
         self.sign(self._count - 1, threshold)
 
-    def sign(self, place: int, threshold: hdc.Hypervector) -> None:
-        """Take the signs of a place against another threshold."""
-        self.signs.put(place, signs.signs(self.vector(place)[None], threshold)[0])
+    def sign(self, place: int, threshold: hdc.Hypervector, count: int = 1) -> None:
+        """Take the signs of a place, and of some after it in its chunk, against a threshold."""
+        chunk, inside = self._at(place)
+        some = slice(inside, inside + min(count, self._count - place))
+        vectors = chunk.vectors[some].astype(np.float32, copy=False)
+        self.signs.put(place, signs.signs(vectors, threshold))
+        self._look_at(count)
 
     def remove(self, place: int) -> None:
         """Forget what is in a place; what is in the last one moves there."""
@@ -85,7 +89,7 @@ class Rows:
             (target, to), (source, inside) = self._at(place), self._at(last)
             target.vectors[to] = source.vectors[inside]
             target.squares[to] = source.squares[inside]
-            self.signs.put(place, self.signs.get(last))
+            self.signs.put(place, self.signs.get(last)[None])
         self._count = last
         self.signs.keep(last)
         # One empty chunk stays: the next vector may need it again.
@@ -102,13 +106,17 @@ class Rows:
         """Return (count,) float64, the squared lengths of the first places."""
         return np.concatenate([chunk.squares[:filled] for chunk, filled in self._filled(count)])
 
-    def products(self, probes: hdc.Hypervector, count: int) -> NDArray[np.float32]:
-        """Return the products of the first places with probes (p, d): (count, p) float32."""
-        found = np.empty((count, len(probes)), np.float32)
-        for index, (chunk, filled) in enumerate(self._filled(count)):
-            rows = slice(index * _CHUNK_ROWS, index * _CHUNK_ROWS + filled)
-            found[rows] = _products(chunk.vectors[:filled], probes)
-            self._look_at(filled)
+    def products(self, probes: hdc.Hypervector, count: int, first: int = 0) -> NDArray[np.float32]:
+        """Return products of places from `first` to `count` with probes (p, d): float32."""
+        found = np.empty((count - first, len(probes)), np.float32)
+        place = first
+        while place < count:
+            chunk, inside = self._at(place)
+            vectors = chunk.vectors[slice(inside, inside + count - place)]
+            done = slice(place - first, place - first + len(vectors))
+            found[done] = _products(vectors, probes)
+            self._look_at(len(vectors))
+            place += len(vectors)
         return found
 
     def gather(self, places: NDArray[np.intp]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -146,8 +154,9 @@ def _products(vectors: NDArray[Any], probes: hdc.Hypervector) -> NDArray[np.floa
     if len(probes) > _FEW_PROBES:
         return vectors @ probes.T
     products = np.empty((len(vectors), len(probes)), np.float32)
-    for start in range(0, len(vectors), _CACHED_ROWS):
-        block = slice(start, start + _CACHED_ROWS)
+    rows = _CACHED_ROWS if len(probes) > 1 else len(vectors)
+    for start in range(0, len(vectors), rows):
+        block = slice(start, start + rows)
         for index, probe in enumerate(probes):
             products[block, index] = vectors[block] @ probe
     return products

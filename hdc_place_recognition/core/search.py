@@ -5,7 +5,7 @@ How similar rows are to a query: exactly, or exactly only where signs say it may
 
 The centred cosine (Sec. 3.1.4) under means m of queries and mu of rows has
 (q - m)(x - mu) = (q - m) x - (q - m) mu above, and |x - mu|^2 = |x|^2 - 2 x mu + |mu|^2 below: one
-pass over the rows as they are, with mu as one more query.
+pass over the rows as they are, with mu as one more query (or none: :class:`MeanProducts`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hdc_place_recognition.core import hdc, signs
+from hdc_place_recognition.core.mean_products import MeanProducts
 from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.rows import Rows
 import numpy as np
@@ -95,17 +96,20 @@ class Question:
         return np.concatenate([centred, self.means[self.middle][None]]).astype(np.float32)
 
 
-def search_all(rows: Rows, order: Order, count: int, question: Question) -> Answer:
+def search_all(
+    rows: Rows, products: MeanProducts, order: Order, count: int, question: Question
+) -> Answer:
     """
     Compare a query with all rows.
 
+    :param products: of the rows.
     :param order: where they are.
     :param count: the first rows that are asked for.
     """
     extent = order.extent(count)
-    products = order.in_order(rows.products(question.probes(), extent).T, count).T
+    found = order.in_order(products.products(question.query, extent).T, count).T
     squares = order.in_order(rows.squares(extent), count)
-    similarities, displacements = question.cosines(products, squares)
+    similarities, displacements = question.cosines(found, squares)
     return Answer(similarities, displacements, similarities)
 
 

@@ -35,6 +35,7 @@ class SignTable:
     def __init__(self, words: int) -> None:
         self._words = words
         self._coarse_words = min(words, _COARSE_WORDS)
+        self._first, self._rest = slice(self._coarse_words), slice(self._coarse_words, None)
         self._blocks: list[_Block] = []
 
     @property
@@ -43,11 +44,13 @@ class SignTable:
         return self._coarse_words * WORD
 
     def put(self, place: int, signs: Signs) -> None:
-        """Set the signs (w,) of a place, at most one more than there are."""
+        """Set the signs (k, w) of places in one block; the first may be the next new one."""
         if place == len(self._blocks) * _BLOCK_ROWS:
             self._blocks.append(self._new_block())
         block, inside = self._blocks[place // _BLOCK_ROWS], place % _BLOCK_ROWS
-        block.coarse[:, inside], block.fine[inside] = np.split(signs, [self._coarse_words])
+        some = slice(inside, inside + len(signs))
+        block.coarse[:, some] = signs[:, self._first].T
+        block.fine[some] = signs[:, self._rest]
 
     def get(self, place: int) -> Signs:
         """Return the signs (w,) of a place."""
@@ -66,13 +69,12 @@ class SignTable:
         :param queries: (b, w).
         :return: (b, places) uint16.
         """
-        first, _ = np.split(queries, [self._coarse_words], axis=1)
         found = np.empty((len(queries), places), np.uint16)
         differing = np.empty((self._coarse_words, _BLOCK_ROWS), np.uint64)
         for block, start, filled in self._filled(places):
             coarse, out = block.coarse[:, :filled], differing[:, :filled]
             rows = slice(start, start + filled)
-            for query, distances in zip(first, found[:, rows], strict=True):
+            for query, distances in zip(queries[:, self._first], found[:, rows], strict=True):
                 np.bitwise_xor(coarse, query[:, None], out=out)
                 np.add.reduce(count(out), axis=0, dtype=np.uint16, out=distances)
         return found
@@ -88,7 +90,7 @@ class SignTable:
         found = np.empty((len(queries), len(places)), np.uint32)
         if not len(places):
             return found
-        _, rest = np.split(queries, [self._coarse_words], axis=1)
+        rest = queries[:, self._rest]
         for block, start, _ in self._filled(int(places[-1]) + 1):
             first, end = np.searchsorted(places, [start, start + _BLOCK_ROWS])
             if first == end:

@@ -1,0 +1,69 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The products of rows with queries and their mean, in one pass over the rows if possible."""
+
+from __future__ import annotations
+
+from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.core.means import Means
+from hdc_place_recognition.core.rows import Rows
+import numpy as np
+from numpy.typing import NDArray
+
+# Of elements that are about 0.01: the sum has not changed, or by the query alone.
+_SAME = 1e-9
+
+
+class MeanProducts:
+    """
+    Keeps of each row its product with the sum of the queries seen so far.
+
+    A query that was just seen changes these by its own products with the rows, which are asked
+    for anyway: where a query has one form, a second pass is needed for new rows only.
+
+    :param rows: that are compared.
+    :param means: of the queries.
+    """
+
+    def __init__(self, rows: Rows, means: Means) -> None:
+        self._rows, self._means = rows, means
+        self._known = np.empty(0)
+        self._sum = means.sum_of_rows()
+
+    def forget(self, place: int) -> None:
+        """Forget the products of a place, and of all behind it: one of them moves there."""
+        self._known = self._known[:place]
+
+    def products(self, query: Hypervector, count: int) -> NDArray[np.float32]:
+        """
+        Return products of the first places with the centred forms and with the mean of rows.
+
+        :param query: (s, d) float32.
+        :return: (count, s + 1) float32.
+        """
+        if len(query) > 1:
+            mean = self._means.of_rows()[None]
+            centred = (query - self._means.of_forms()).astype(np.float32)
+            return self._rows.products(np.concatenate([centred, mean]), count)
+        products = self._bring_up_to_date(query, count)
+        with_mean = (self._known / max(self._means.seen, 1)).astype(np.float32)
+        return np.stack([products - with_mean, with_mean], axis=1)
+
+    def _bring_up_to_date(self, query: Hypervector, count: int) -> NDArray[np.float32]:
+        """Make the first places known, and return their products (count,) with a query."""
+        total = self._means.sum_of_rows()
+        change, self._sum = total - self._sum, total
+        known = self._known[:count]
+        if _nothing(change) or _nothing(change - query):
+            products = self._rows.products(query, count)[:, 0]
+            changed = products if not _nothing(change) else np.zeros_like(products)
+        else:
+            probes = np.concatenate([query, change[None].astype(np.float32)])
+            products, changed = self._rows.products(probes, count).T
+        new = self._rows.products(total[None].astype(np.float32), count, first=len(known))[:, 0]
+        self._known = np.concatenate([known + changed[slice(len(known))], new])
+        return products
+
+
+def _nothing(vector: NDArray[np.float64]) -> bool:
+    return float(np.abs(vector).max()) < _SAME
