@@ -108,25 +108,23 @@ def _measure_stages(filled: _Filled, rows: int, limit: float) -> Iterator[Measur
     if rows < TWO_STAGES_FROM:
         return
     name = f'two-stage query, {forms} forms'
-    yield from _measure_recall(database, database, filled.world, name)
+    yield from _measure_recall(database, database, filled.world, name, _TARGETS.get(rows, ''))
 
 
 def _measure_recall(
-    exact: Database, fast: Database, world: World, name: str
+    exact: Database, fast: Database, world: World, name: str, target: str = ''
 ) -> Iterator[Measurement]:
     """Yield what two stages cost and find, against all rows compared exactly."""
     rows, query = len(fast), world.query(0)
     whole = milliseconds(lambda: exact.ask(query, exact=True))
     spent = milliseconds(lambda: fast.ask(query))
-    yield Measurement(
-        f'{name}, {rows} rows', spent, 'ms', spent / whole, 'exact', _TARGETS.get(rows, '')
-    )
+    yield Measurement(f'{name}, {rows} rows', spent, 'ms', spent / whole, 'exact', target)
     queries = [world.query(number) for number in range(_SEEN, _SEEN + _QUERIES)]
     recalls = np.mean([_recalls(exact, fast, each) for each in queries], axis=0).tolist()
     targets = _RECALL_TARGETS.get(rows, ('', ''))
-    for best, recall, target in zip((1, _BEST), recalls, targets, strict=True):
+    for best, recall, least in zip((1, _BEST), recalls, targets, strict=True):
         label = f'{name}: recall@{best}, {rows} rows'
-        yield Measurement(label, recall, '', recall, 'exact', target)
+        yield Measurement(label, recall, '', recall, 'exact', least)
 
 
 def _recalls(exact: Database, fast: Database, query: Hypervector) -> tuple[float, float]:

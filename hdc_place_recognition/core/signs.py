@@ -44,10 +44,19 @@ def cosines(distances: NDArray[np.uint16], dimensions: int) -> NDArray[np.float3
 
 def count_in_words(bits: Signs) -> NDArray[np.uint8]:
     """Return the number of ones in each word: for numpy before 2, which cannot count bits."""
-    bits = bits - (bits >> np.uint64(1) & _PAIRS)
-    bits = (bits & _FOURS) + (bits >> np.uint64(2) & _FOURS)
-    bits = (bits + (bits >> np.uint64(4))) & _BYTES
-    return (bits * _SUM >> np.uint64(56)).astype(np.uint8)
+    other = bits >> np.uint64(1)
+    other &= _PAIRS
+    bits = bits - other
+    np.right_shift(bits, np.uint64(2), out=other)
+    other &= _FOURS
+    bits &= _FOURS
+    bits += other
+    np.right_shift(bits, np.uint64(4), out=other)
+    bits += other
+    bits &= _BYTES
+    bits *= _SUM
+    bits >>= np.uint64(56)
+    return bits.astype(np.uint8)
 
 
 count = getattr(np, 'bitwise_count', count_in_words)
