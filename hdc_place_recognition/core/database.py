@@ -19,8 +19,8 @@ from hdc_place_recognition.core.search import Answer, Question, search_all, sear
 import numpy as np
 
 # Rows from which two stages are worth it. On one core, exact against two stages, under 25
-# displacements: 2.9 and 3.2 ms at 1000 rows, 6.5 and 3.8 at 2048, 12.1 and 4.9 at 4096; without
-# any: 0.6 and 1.3, 1.5 and 1.6, 2.8 and 1.9 ms.
+# displacements: 3.0 and 3.6 ms at 1000 rows, 7.0 and 3.9 at 2048, 13.9 and 5.1 at 4096; without
+# any, which takes one pass: 0.3 and 1.7, 1.0 and 2.0, 2.0 and 2.2 ms.
 TWO_STAGES_FROM = 2048
 # With each new row the signs of this many others are taken anew, against the mean of today: no
 # row's mean is then of less than half the images. A power of 2: they lie beside each other.
