@@ -44,8 +44,7 @@ def test_node_answers_and_accounts_for_every_image(monkeypatch):
     profile = ROOT / 'config' / 'large_images.xml'
     monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', str(profile))
     monkeypatch.setattr(node, '_KEYFRAMES', 40)
-    monkeypatch.setattr(node, '_SIZES', ((160, 120),))
-    monkeypatch.setattr(node, '_RATES', (10,))
+    monkeypatch.setattr(node, '_SETTINGS', (((160, 120), 1, (10,)),))
     monkeypatch.setattr(node, '_SECONDS', 1.0)
     settings = Settings(Params(extractor='gradient_grid'), bandwidth=1.0, sizes=(), images=4)
     found = {each.name.partition(': ')[2]: each.value for each in node.measure_node(settings)}

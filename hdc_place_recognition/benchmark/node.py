@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.util import find_spec
 import logging
 import os
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _KEYFRAMES = 10_000
-_SIZES, _RATES = ((640, 480), (1280, 720)), (10, 30)
+# Width and height, the node's threads, and rates in Hz.
+_SETTINGS = (((640, 480), 1, (10, 30)), ((1280, 720), 1, (10, 30)), ((640, 480), 2, (30,)))
 _SECONDS = 8.0
-_LATENCY_TARGETS = {(640, 480, 30): '<= 60 ms'}
+_CALL_TARGET = '<= 50 ms'
+_LATENCY_TARGETS = {((640, 480), 30): '<= 60 ms'}
 
 
 def measure_node(settings: Settings) -> Iterator[Measurement]:
@@ -42,33 +45,37 @@ def measure_node(settings: Settings) -> Iterator[Measurement]:
 
     rclpy.init(args=[])
     try:
-        for width, height in _SIZES:
-            yield from _measure_size(settings, width, height)
+        for size, threads, rates in _SETTINGS:
+            params = settings.params.replace(threads=threads)
+            yield from _measure_size(replace(settings, params=params), size, rates)
     finally:
         rclpy.try_shutdown()
 
 
-def _measure_size(settings: Settings, width: int, height: int) -> Iterator[Measurement]:
+def _measure_size(
+    settings: Settings, size: tuple[int, int], rates: tuple[int, ...]
+) -> Iterator[Measurement]:
     from hdc_place_recognition.benchmark.node_process import Drive, node_process
     from hdc_place_recognition.benchmark.node_user import User
 
-    drive = Drive(_KEYFRAMES, settings.images, width, height)
-    images = street(settings.images, width, height)
+    drive, threads = Drive(_KEYFRAMES, settings.images, *size), settings.params.threads
+    images = street(settings.images, *size)
     with node_process(drive, settings.params) as process:
         user = User(process.pid)
         try:
             user.wait_for_node(lambda: process.poll() is None)
-            for rate in _RATES:
-                _log.info('showing the node %d x %d at %d Hz', width, height, rate)
-                yield from _report(user.ride(images, rate, _SECONDS), (width, height, rate))
+            for rate in rates:
+                name = f'node on {threads} threads' if threads > 1 else 'node'
+                name += f', {size[0]} x {size[1]}, {rate} Hz: '
+                _log.info('measuring %s', name.rstrip(': '))
+                target = _LATENCY_TARGETS.get((size, rate), '')
+                yield from _report(name, user.ride(images, rate, _SECONDS), target)
         finally:
             user.destroy_node()
 
 
-def _report(ride: Ride, setting: tuple[int, int, int]) -> Iterator[Measurement]:
-    name = 'node, {} x {}, {} Hz: '.format(*setting)
-    latency, call = _LATENCY_TARGETS.get(setting, ''), '<= 50 ms'
-    yield from _quantiles(f'{name}latency', ride.latencies_ms, (latency, ''))
+def _report(name: str, ride: Ride, latency_target: str) -> Iterator[Measurement]:
+    yield from _quantiles(f'{name}latency', ride.latencies_ms, (latency_target, ''))
     yield Measurement(f'{name}images sent', ride.sent, '')
     yield Measurement(f'{name}images answered', ride.answered, '')
     yield Measurement(f'{name}images dropped while busy', ride.dropped, '')
@@ -76,7 +83,7 @@ def _report(ride: Ride, setting: tuple[int, int, int]) -> Iterator[Measurement]:
     yield Measurement(f'{name}images lost by DDS', ride.lost, '', target='0')
     yield Measurement(f'{name}images unaccounted for', ride.unaccounted, '', target='0')
     yield Measurement(f'{name}CPU of the process', ride.cpu, 'cores')
-    yield from _quantiles(f'{name}parameter call', ride.calls_ms, ('', call))
+    yield from _quantiles(f'{name}parameter call', ride.calls_ms, ('', _CALL_TARGET))
 
 
 def _quantiles(
