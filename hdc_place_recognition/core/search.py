@@ -27,7 +27,7 @@ _NOTHING = 1e-9
 _NEAREST = 512
 # Of more rows, those that the first part of the signs puts first are looked at with all signs:
 # this share, and at least so many.
-_ALL_SIGNS, _SHARE, _LEAST = 32768, 16, 8192
+_ALL_SIGNS, _SHARE, _LEAST = 32768, 8, 8192
 # Evenly spaced rows that stand for all.
 _SPACED = 128
 # The rows before and after these best ones are compared too: a neighbour may fit better.
