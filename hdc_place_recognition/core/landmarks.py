@@ -21,7 +21,8 @@ _LEVELS = 255
 _OBJECTS_BYTES = 640
 
 
-@dataclass(frozen=True)
+# Slots leave the garbage collector half as much to go through while others wait.
+@dataclass(frozen=True, slots=True)
 class Landmarks:
     """
     The keypoints of one image, quantised.

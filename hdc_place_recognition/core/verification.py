@@ -134,7 +134,7 @@ def _epipolar_inliers(pairs: NDArray[np.float32]) -> NDArray[np.bool_]:
 def _spread(places: NDArray[np.uint16]) -> int:
     """Return how many cells of a 4 x 4 grid hold a point."""
     cells = places.astype(np.int64) * _CELLS // (np.iinfo(np.uint16).max + 1)
-    return len(np.unique(cells @ [1, _CELLS]))
+    return int(np.count_nonzero(np.bincount(cells @ [1, _CELLS])))
 
 
 def _complex(points: NDArray[np.float32]) -> NDArray[np.complex64]:
