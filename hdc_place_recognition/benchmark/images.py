@@ -24,13 +24,19 @@ from numpy.typing import NDArray
 _log = logging.getLogger(__name__)
 _STEP = 24  # pixels from one image to the next
 _NS = 10**9
+_BLOBS = (64, 32, 8)  # of the width, in sizes of the blobs
 
 
 def street(images: int, width: int = 640, height: int = 480) -> list[NDArray[np.uint8]]:
-    """Return a drive past a wall of blobs of all sizes: images as a camera gives them."""
+    """
+    Return a drive past a wall of blobs of several sizes.
+
+    Images as a camera gives them have 400 to 900 keypoints at the width at which keypoints are
+    looked for, before the strongest are kept; so do these.
+    """
     rng = np.random.default_rng(0)
     wall = np.zeros((height, width + _STEP * images, 3), np.float32)
-    for scale in (4, 16, 64):
+    for scale in (width // share for share in _BLOBS):
         small = rng.random((height // scale, wall.shape[1] // scale, 3), np.float32)
         wall += cv2.resize(small, wall.shape[1::-1], interpolation=cv2.INTER_CUBIC)
     stretched = np.clip(wall * 85, 0, 255).astype(np.uint8)
