@@ -206,7 +206,13 @@ class Params:
         high=60.0,
         live=True,
     )
-    threads: int = param(1, 'CPU threads of numpy, OpenCV and the network.', low=1, high=256)
+    threads: int = param(
+        2,
+        'Of two and more CPU threads, half find the keypoints that candidates are verified by, '
+        'while the other half, of numpy, OpenCV and the network, do everything else.',
+        low=1,
+        high=256,
+    )
 
     def __post_init__(self) -> None:
         for item in fields(self):

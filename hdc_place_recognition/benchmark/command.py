@@ -89,8 +89,8 @@ def _positive(text: str) -> int:
 
 
 def _measure(arguments: argparse.Namespace) -> Iterator[Measurement]:
-    """Yield all that was asked for, on the threads of the default parameters."""
-    params = Params(exclude_recent_s=10.0)
+    """Yield all that was asked for; but for the node, on one thread."""
+    params = Params(exclude_recent_s=10.0, threads=1)
     cv2.setNumThreads(params.threads)
     with threadpoolctl.threadpool_limits(params.threads, user_api='blas'):
         settings = Settings(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement
+from hdc_place_recognition.params import Params
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +26,11 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _KEYFRAMES = 10_000
 # Width and height, the node's threads, and rates in Hz.
-_SETTINGS = (((640, 480), 1, (10, 30)), ((1280, 720), 1, (10, 30)), ((640, 480), 2, (30,)))
+_SETTINGS = (
+    ((640, 480), Params.threads, (10, 30)),
+    ((1280, 720), Params.threads, (10, 30)),
+    ((640, 480), 1, (30,)),
+)
 _SECONDS = 8.0
 _CALL_TARGET = '<= 50 ms'
 _LATENCY_TARGETS = {((640, 480), 30): '<= 60 ms'}
@@ -65,8 +70,7 @@ def _measure_size(
         try:
             user.wait_for_node(lambda: process.poll() is None)
             for rate in rates:
-                name = f'node on {threads} threads' if threads > 1 else 'node'
-                name += f', {size[0]} x {size[1]}, {rate} Hz: '
+                name = f'node, threads {threads}, {size[0]} x {size[1]}, {rate} Hz: '
                 _log.info('measuring %s', name.rstrip(': '))
                 target = _LATENCY_TARGETS.get((size, rate), '')
                 yield from _report(name, user.ride(images, rate, _SECONDS), target)
