@@ -36,4 +36,5 @@ class Means:
 
     def of_rows(self) -> NDArray[np.float32]:
         """Return (d,), that of the middle forms."""
-        return (self._sums[len(self._sums) // 2] / max(self.seen, 1)).astype(np.float32)
+        total, share = self._sums[len(self._sums) // 2], 1 / max(self.seen, 1)
+        return np.multiply(total, share, dtype=np.float32, casting='same_kind')

@@ -11,7 +11,7 @@ from hdc_place_recognition.core.signs import count, Signs, WORD
 import numpy as np
 from numpy.typing import NDArray
 
-# The first part: 1024 signs tell which eighth of all rows is worth the others.
+# The first part: 1024 signs tell which of many rows are worth the others.
 _COARSE_WORDS = 16
 # What is computed of a block stays in the cache, and is enough to be worth a call.
 _BLOCK_ROWS = 2048
