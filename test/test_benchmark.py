@@ -28,6 +28,7 @@ def test_small_run_prints_and_writes(tmp_path, capsys, monkeypatch):
     written = json.loads((tmp_path / 'benchmark.json').read_text())['measurements']
     assert {each['name'] for each in written} >= {
         'read bandwidth',
+        'float32 products',
         'exact query, 1 form, 60 rows',
         'exact query, 25 forms, 60 rows',
         'insertion, median, 60 rows',
@@ -46,7 +47,9 @@ def test_node_answers_and_accounts_for_every_image(monkeypatch):
     monkeypatch.setattr(node, '_KEYFRAMES', 40)
     monkeypatch.setattr(node, '_SETTINGS', (((160, 120), 1, (10,)),))
     monkeypatch.setattr(node, '_SECONDS', 1.0)
-    settings = Settings(Params(extractor='gradient_grid'), bandwidth=1.0, sizes=(), images=4)
+    settings = Settings(
+        Params(extractor='gradient_grid'), bandwidth=1.0, products=1.0, sizes=(), images=4
+    )
     found = {each.name.partition(': ')[2]: each.value for each in node.measure_node(settings)}
     assert found['images sent'] == 10 and found['images unaccounted for'] == 0
     assert 0 < found['images answered'] <= 10
@@ -56,7 +59,7 @@ def test_node_answers_and_accounts_for_every_image(monkeypatch):
 
 def test_node_is_skipped_without_ros(monkeypatch):
     monkeypatch.setattr(node, 'find_spec', lambda name: None)
-    assert list(node.measure_node(Settings(Params(), 1.0, (), 1))) == []
+    assert list(node.measure_node(Settings(Params(), 1.0, 1.0, (), 1))) == []
 
 
 def test_large_images_profile_is_found():

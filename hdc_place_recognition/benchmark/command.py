@@ -14,7 +14,7 @@ import cv2
 from hdc_place_recognition.benchmark.parts import LARGE_PARTS, PARTS
 from hdc_place_recognition.benchmark.report import table, write
 from hdc_place_recognition.benchmark.settings import Settings
-from hdc_place_recognition.benchmark.timing import Measurement, read_bandwidth
+from hdc_place_recognition.benchmark.timing import Measurement, multiplication_rate, read_bandwidth
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params import Params
 import threadpoolctl
@@ -96,10 +96,12 @@ def _measure(arguments: argparse.Namespace) -> Iterator[Measurement]:
         settings = Settings(
             params=params,
             bandwidth=read_bandwidth(),
+            products=multiplication_rate(),
             sizes=(*arguments.sizes, *([_LARGE] if arguments.large else [])),
             images=arguments.images,
         )
         yield Measurement('read bandwidth', settings.bandwidth / 1e6, 'GB/s')
+        yield Measurement('float32 products', settings.products / 1e6, 'G/s')
         for name, measure in PARTS.items():
             if _wanted(name, arguments):
                 _log.info('measuring %s', name)

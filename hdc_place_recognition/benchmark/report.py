@@ -92,12 +92,12 @@ def _draw_insertions(parts: Curves, file: Path) -> Path:
 def _draw(lines: Curves, file: Path, **axis: str) -> Path:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 4.5), layout='constrained')
+    figure = Figure(figsize=(9, 4.5), layout='constrained')
     axes = figure.subplots()
     for name, points in lines.items():
         axes.plot(*zip(*points, strict=True), marker='o', label=name)
     axes.set(**axis)
     axes.grid(alpha=0.3)
-    axes.legend()
+    figure.legend(loc='outside right upper')
     figure.savefig(file, dpi=120)
     return file

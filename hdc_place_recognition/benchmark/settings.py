@@ -15,11 +15,13 @@ class Settings:
     What is measured, and against what.
 
     :param bandwidth: of the memory, bytes a millisecond on one core.
+    :param products: of float32 that one core adds up in a millisecond.
     :param sizes: rows of the databases that are asked.
     :param images: of the drive, which is driven twice.
     """
 
     params: Params
     bandwidth: float
+    products: float
     sizes: tuple[int, ...]
     images: int

@@ -12,6 +12,8 @@ import numpy as np
 
 # More than any cache holds.
 _READ_BYTES = 256 << 20
+# A product of matrices as large as they are fastest.
+_MULTIPLIED = 1024, 4096
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,10 @@ def read_bandwidth() -> float:
     """Return how many bytes a millisecond one core reads from memory."""
     numbers = np.ones(_READ_BYTES // 4, np.float32)
     return _READ_BYTES / milliseconds(numbers.max)
+
+
+def multiplication_rate() -> float:
+    """Return how many products of float32 are added up in a millisecond at best, on one core."""
+    rows, columns = _MULTIPLIED
+    one, other = np.ones((rows, columns), np.float32), np.full((rows, columns), 2, np.float32)
+    return rows * rows * columns / milliseconds(lambda: one @ other.T)

@@ -78,23 +78,25 @@ class Question:
         :param squares: (n,), of the rows' lengths.
         """
         mean, centred = self.means[self.middle], self.query - self.means
-        row_square = squares - 2 * products[:, -1] + mean @ mean
-        above = products[:, :-1] - centred @ mean
-        below = row_square[:, None] * np.square(centred).sum(axis=1)
-        cosine = np.divide(
-            above,
-            np.sqrt(np.maximum(below, _NOTHING)),
-            out=np.zeros_like(below),
-            where=below > _NOTHING,
-        )
-        best = cosine.argmax(axis=1)
-        similarities = np.take_along_axis(cosine, best[:, None], axis=1)[:, 0]
-        return np.clip(similarities, -1, 1).astype(np.float32), best.astype(np.uint8)
+        along_mean = (centred @ mean).astype(np.float32)
+        above = products[:, :-1] - along_mean
+        above *= _inverse_lengths(np.square(centred).sum(axis=1))
+        # A row's own length does not change which of the forms fits it best.
+        best = above.argmax(axis=1)
+        similarities = np.take_along_axis(above, best[:, None], axis=1)[:, 0]
+        similarities *= _inverse_lengths(squares - 2 * products[:, -1] + mean @ mean)
+        return np.clip(similarities, -1, 1, out=similarities), best.astype(np.uint8)
 
     def probes(self) -> hdc.Hypervector:
         """Return (s + 1, d) float32: the centred forms and the mean of the rows."""
         centred = self.query - self.means
         return np.concatenate([centred, self.means[self.middle][None]]).astype(np.float32)
+
+
+def _inverse_lengths(squares: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return 1 / length of vectors, 0 where there is no direction."""
+    lengths = np.sqrt(np.where(squares > _NOTHING, squares, np.inf))
+    return (1 / lengths).astype(np.float32)
 
 
 def search_all(
