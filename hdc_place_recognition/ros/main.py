@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 import signal
 import sys
+from types import FrameType
 
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params_io import NODE_NAME
@@ -32,6 +33,7 @@ def main(
     create: Callable[[], PlaceRecognitionNode] = PlaceRecognitionNode,
 ) -> int:
     """Run the node until it is interrupted; 2 if it cannot start, with one line that says why."""
+    signal.signal(signal.SIGINT, _interrupt)
     node = None
     try:
         _initialize(argv)
@@ -47,6 +49,21 @@ def main(
     finally:
         _end(node)
     return 0
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Interrupt once: under ros2 launch the signal can come twice, which must not end the end."""
+    _on_signals(_do_nothing)
+    raise KeyboardInterrupt
+
+
+def _do_nothing(number: int, frame: FrameType | None) -> None:
+    """Take a signal that is on its way already: told to ignore it, Python would complain."""
+
+
+def _on_signals(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
 
 
 def _initialize(argv: Sequence[str] | None) -> None:
@@ -68,11 +85,12 @@ def _spin(executor: SingleThreadedExecutor, node: PlaceRecognitionNode) -> None:
 
 
 def _end(node: PlaceRecognitionNode | None) -> None:
-    """Clean up; under ros2 launch the signal can come twice, the second must not end this."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    """Clean up, undisturbed."""
+    _on_signals(_do_nothing)
     if node is not None:
         node.destroy_node()
     # The signal's own handler may be shutting down at this moment.
     with suppress(_ROS_ERROR):
         rclpy.try_shutdown()
+    # Handlers written in Python do not outlast it.
+    _on_signals(signal.SIG_IGN)
