@@ -260,9 +260,10 @@ def test_nothing_to_evaluate():
         evaluate(Dataset('empty', Mode.SEQUENCE, Places(())), recognizer())
 
 
-def test_database_must_not_forget():
-    forgetful = recognizer(max_keyframes=5)
-    with pytest.raises(PlaceRecognitionError, match='max_keyframes 5: an evaluation needs all'):
+@pytest.mark.parametrize(('name', 'limit'), [('max_keyframes', 5), ('max_database_mb', 5.0)])
+def test_database_must_not_forget(name, limit):
+    forgetful = recognizer(**{name: limit})
+    with pytest.raises(PlaceRecognitionError, match=f'{name} 5: an evaluation needs all'):
         evaluate(sequence((0, 1)), forgetful)
 
 

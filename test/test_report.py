@@ -224,6 +224,17 @@ def test_bag_with_ground_truth(tmp_path, capsys, caplog):
     assert (json.loads(out)['closures'], json.loads(out)['precision']) == (2, None)
 
 
+def test_odometry_of_a_bag_tells_that_the_robot_stands_still(tmp_path, capsys):
+    bag = bag_of(tmp_path / 'drive')
+    still = ['--keyframe-distance-m', '15', '--keyframe-angle-deg', '10', '--json', *SMALL]
+    still += ['--exclude-recent-s', '0', '--odom-tolerance-s', '2', '--output', tmp_path]
+    _, every, _ = run(capsys, bag, *still)
+    _, some, _ = run(capsys, bag, '--odom-topic', '/odom', *still)
+    assert json.loads(some)['database_bytes'] < json.loads(every)['database_bytes']
+    code, _, err = run(capsys, bag, '--database', bag, '--odom-topic', '/odom', *still)
+    assert code == 2 and '--odom-topic /odom: two traverses' in err
+
+
 def test_two_bags(tmp_path, capsys):
     first, second = bag_of(tmp_path / 'monday'), bag_of(tmp_path / 'tuesday')
     code, out, _ = run(

@@ -37,8 +37,9 @@ def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) ->
             f'the database already holds {len(recognizer.database)} images; '
             'an evaluation begins with an empty one'
         )
-    if limit := recognizer.params.max_keyframes:
-        raise PlaceRecognitionError(f'max_keyframes {limit}: an evaluation needs all; set it to 0')
+    for name in ('max_keyframes', 'max_database_mb'):
+        if limit := getattr(recognizer.params, name):
+            raise PlaceRecognitionError(f'{name} {limit:g}: an evaluation needs all; set it to 0')
     recognizer.camera, recognizer.odometry = dataset.camera, dataset.odometry
     if dataset.mode is Mode.SEQUENCE:
         return _replay_sequence(dataset, recognizer, progress)
