@@ -86,7 +86,9 @@ def _spin(executor: SingleThreadedExecutor, node: PlaceRecognitionNode) -> None:
 
 def _end(node: PlaceRecognitionNode | None) -> None:
     """Clean up, undisturbed."""
-    _on_signals(_do_nothing)
+    # rclpy stops spinning at once; Python may hear of the same signal only now.
+    with suppress(KeyboardInterrupt):
+        _on_signals(_do_nothing)
     if node is not None:
         node.destroy_node()
     # The signal's own handler may be shutting down at this moment.
