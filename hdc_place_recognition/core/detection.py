@@ -108,7 +108,8 @@ class Detection:
         are counted from 0; the number is the row until images before it are forgotten.
     :param not_stored: why there was no room for it; empty if there was.
     :param forgotten_ids: the numbers of the images that were forgotten for it.
-    :param milliseconds: spent in extract, encode, keypoints, query, verify, insert.
+    :param milliseconds: spent in extract, encode, keypoints, query, verify and insert; on several
+        threads, how long keypoints are waited for.
     """
 
     stamp_ns: int
