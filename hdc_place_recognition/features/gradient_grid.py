@@ -79,11 +79,12 @@ def oriented_gradients(grey: Image) -> NDArray[np.float32]:
     :param grey: (h, w).
     :return: (8, h, w) float32; the sum over the bins is the magnitude.
     """
-    magnitude, angle = cv2.cartToPolar(
-        cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1), cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
-    )
+    x = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1)
+    y = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
+    # In older OpenCV the last digit of cv2.magnitude depends on where its result is in memory.
+    magnitude = np.sqrt(x * x + y * y)
     # An edge has two opposite gradients: the second half turn is that of the first again.
-    position = angle * np.float32(BINS / np.pi)
+    position = cv2.phase(x, y) * np.float32(BINS / np.pi)
     position[position >= BINS] -= BINS
     parts = np.stack([np.maximum(1 - np.abs(position - i), 0) for i in range(BINS + 1)])
     parts[0] += parts[BINS]
