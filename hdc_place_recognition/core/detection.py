@@ -29,6 +29,9 @@ class Status(Enum):
     STAMP_OUT_OF_ORDER = 'passed over: older than the last image'
 
 
+PASSED_OVER = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
+
+
 class Reason(Enum):
     """Why a candidate was not accepted; the value is a phrase for people."""
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdc_place_recognition.core.detection import Candidate
+from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.offline.bags import read_poses
 from hdc_place_recognition.offline.closures import Closures, count_closures
 from hdc_place_recognition.offline.groundtruth import PoseTruth
@@ -33,11 +34,11 @@ def score(
         radius_m=rules.radius_m,
         max_angle_deg=rules.max_angle_deg,
         view_axis='x',
-        tolerance_ns=round(rules.pose_tolerance_s * 1e9),
+        tolerance_ns=nanoseconds(rules.pose_tolerance_s),
     )
     stamps = np.array(answered_ns, np.int64)
     found = truth.truth(stamps, stamps)
-    old_enough_ns = round(Params().exclude_recent_s * 1e9)
+    old_enough_ns = nanoseconds(Params().exclude_recent_s)
     eligible = np.asarray(stamps[:, None] - stamps[None] >= old_enough_ns)
     pairs = [
         (

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.core.keyframes import no_odometry, Odometry
+from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline import bags, folders
 from hdc_place_recognition.offline.dataset import Dataset, Frames, GroundTruth, Mode
@@ -142,7 +143,7 @@ def _odometry(path: Path, options: Options) -> Odometry:
     if options.odom_topic is None:
         return no_odometry
     poses = bags.read_poses(path, options.odom_topic, '--odom-topic')
-    return partial(poses.before, tolerance_ns=round(options.pose_tolerance_s * 1e9))
+    return partial(poses.before, tolerance_ns=nanoseconds(options.pose_tolerance_s))
 
 
 def _matrices(path: Path, queries: Frames, database: Frames) -> tuple[MatrixTruth, int] | None:
@@ -167,5 +168,5 @@ def _pose_truth(query: _Source, reference: _Source, options: Options) -> GroundT
         radius_m=options.radius_m,
         max_angle_deg=options.max_angle_deg,
         view_axis=query.view_axis,
-        tolerance_ns=round(options.pose_tolerance_s * 1e9),
+        tolerance_ns=nanoseconds(options.pose_tolerance_s),
     )

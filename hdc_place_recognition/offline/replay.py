@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-from hdc_place_recognition.core.detection import Description, Detection, Status
+from hdc_place_recognition.core.detection import Description, Detection, PASSED_OVER
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
-from hdc_place_recognition.core.selection import StampSelector
+from hdc_place_recognition.core.selection import nanoseconds, StampSelector
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Dataset, Frame, Frames, Mode, Stamps
 from hdc_place_recognition.offline.recording import NOT_STORED, Recording
@@ -18,8 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Progress = Callable[[Frames, str], Iterable[Frame]]  # wraps images that are gone through, labelled
-
-_PASSED_OVER = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
 
 
 def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) -> Recording:
@@ -56,7 +54,7 @@ def _replay_sequence(
     detections = []
     for stamp_ns, image, read_ms in reader:
         detection = recognizer.process(stamp_ns, image)
-        if detection.status not in _PASSED_OVER:
+        if detection.status not in PASSED_OVER:
             timed = {'read': read_ms, **detection.milliseconds}
             detections.append(replace(detection, milliseconds=timed))
     stamps_ns = np.array([detection.stamp_ns for detection in detections], np.int64)
@@ -155,7 +153,7 @@ class _Learned:
 def _describe(reader: _Reader, recognizer: PlaceRecognizer) -> Iterator[Description]:
     """Yield the description of each image that is not too near to the one before."""
     selector = StampSelector()
-    min_interval_ns = round(recognizer.params.min_interval_s * 1e9)
+    min_interval_ns = nanoseconds(recognizer.params.min_interval_s)
     for stamp_ns, image, read_ms in reader:
         if selector.admit(stamp_ns, min_interval_ns) is None:
             description = recognizer.describe(stamp_ns, image)
@@ -189,7 +187,7 @@ def _older(
 
     Of the stored ones the recogniser tells how many it compared; the others go by their stamps.
     """
-    exclude_ns = round(exclude_recent_s * 1e9)
+    exclude_ns = nanoseconds(exclude_recent_s)
     stored = rows != NOT_STORED
     eligible = np.zeros((len(detections), len(detections)), np.bool_)
     for index, detection in enumerate(detections):

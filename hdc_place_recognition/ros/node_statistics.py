@@ -8,9 +8,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 import math
 
-from hdc_place_recognition.core.detection import Detection, Reason, Status
+from hdc_place_recognition.core.detection import Detection, PASSED_OVER, Reason, Status
 
-_PASSED_OVER = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
 # Weight of the newest image in the running means of milliseconds.
 _NEWEST = 0.1
 
@@ -38,7 +37,7 @@ class Statistics:
 
     def note(self, detection: Detection) -> bool:
         """Count an answer; return whether the image was processed rather than passed over."""
-        if detection.status in _PASSED_OVER:
+        if detection.status in PASSED_OVER:
             self.passed_over[detection.status] += 1
             return False
         self.processed += 1
@@ -68,7 +67,7 @@ class Statistics:
             'images dropped while busy': self.dropped,
             'images lost by DDS': self.lost_by_dds,
             'images refused': self.failed,
-            **{f'images {status.value}': self.passed_over[status] for status in _PASSED_OVER},
+            **{f'images {status.value}': self.passed_over[status] for status in PASSED_OVER},
             'loop closures': self.accepted,
             **{f'best candidate {reason.value}': self.reasons[reason] for reason in Reason},
         }
