@@ -5,7 +5,7 @@
 from dataclasses import replace
 
 from hdc_place_recognition.core.calibration import Calibration, UNVERIFIED, VERIFIED
-from hdc_place_recognition.core.evidence import at_edge, distinctness, Evidence
+from hdc_place_recognition.core.evidence import at_edge, Distinctness, Evidence
 from hdc_place_recognition.core.verification import Geometry
 from hdc_place_recognition.offline.calibrate import fit, Outcomes, reliability
 import numpy as np
@@ -53,9 +53,9 @@ def test_distinctness_stands_out_from_the_row():
     noise = np.tile(np.array([0.0, 0.1, 0.2], np.float32), 10)
     row = np.append(noise, np.float32(0.9))
     # Median 0.1, deviation 1.4826 * 0.1 + 0.02.
-    assert distinctness(float(row[30]), row) == pytest.approx(0.8 / 0.16826 / 8, rel=1e-4)
-    assert distinctness(float(row[0]), row) == 0.05
-    assert distinctness(float(row[-1]), row[-3:]) == pytest.approx(0.9)
+    assert Distinctness(row).of(float(row[30])) == pytest.approx(0.8 / 0.16826 / 8, rel=1e-4)
+    assert Distinctness(row).of(float(row[0])) == 0.05
+    assert Distinctness(row[-3:]).of(float(row[-1])) == pytest.approx(0.9)
 
 
 def test_edges_are_the_first_and_last_two_of_many():

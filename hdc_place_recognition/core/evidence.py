@@ -72,17 +72,24 @@ class Evidence:
         return self.strength + _SUPPORT_BONUS * self.support
 
 
-def distinctness(value: float, similarities: NDArray[np.float32]) -> float:
+class Distinctness:
     """
-    Return how far a similarity stands out from those of a query, 0.05 to 1.
+    How far similarities stand out from all those of a query.
 
-    :param similarities: (n,); where they are too few for a distribution, the value itself counts.
+    :param similarities: (n,), of the query; where they are too few for a distribution, a value
+        itself counts.
     """
-    if len(similarities) >= _ROWS_FOR_DISTRIBUTION:
-        median = float(np.median(similarities))
-        deviation = _MAD_TO_DEVIATION * float(np.median(np.abs(similarities - median)))
-        value = (value - median) / (deviation + _LEAST_DEVIATION) / _DEVIATIONS
-    return float(np.clip(value, _LEAST, 1.0))
+
+    def __init__(self, similarities: NDArray[np.float32]) -> None:
+        self._median, self._scale = 0.0, 1.0
+        if len(similarities) >= _ROWS_FOR_DISTRIBUTION:
+            self._median = float(np.median(similarities))
+            away = float(np.median(np.abs(similarities - self._median)))
+            self._scale = (_MAD_TO_DEVIATION * away + _LEAST_DEVIATION) * _DEVIATIONS
+
+    def of(self, value: float) -> float:
+        """Return that of one similarity, 0.05 to 1."""
+        return float(np.clip((value - self._median) / self._scale, _LEAST, 1.0))
 
 
 def at_edge(row: int, rows: int) -> bool:

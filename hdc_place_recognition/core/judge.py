@@ -12,7 +12,7 @@ from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.detection import Candidate, Description, NOT_VERIFIED, Reason
 from hdc_place_recognition.core.evidence import (
     at_edge,
-    distinctness,
+    Distinctness,
     Evidence,
     LEAST_DISTINCTNESS,
     LEAST_INLIERS,
@@ -58,7 +58,8 @@ class Judge:
         rows = propose(answer.similarities, count, skip_row)
         if not rows:
             return ()
-        look = _Look(description, answer, database, self.consistency)
+        distinctness = Distinctness(answer.background)
+        look = _Look(description, answer, database, self.consistency, distinctness)
         verified = rows if description.landmarks is None else rows[: params.verify_top_k]
         looked = [look.at(row) for row in verified]
         if description.landmarks is not None:
@@ -119,6 +120,7 @@ class _Look:
     answer: Answer
     database: Database
     consistency: Consistency
+    distinctness: Distinctness
 
     def at(self, row: int) -> Hypothesis:
         """Return the row with all that can be known."""
@@ -133,7 +135,7 @@ class _Look:
             geometry = verify(query, earlier)
         return Evidence(
             similarity=float(similarities[row]),
-            distinctness=distinctness(float(similarities[row]), self.answer.background),
+            distinctness=self.distinctness.of(float(similarities[row])),
             at_edge=at_edge(row, len(similarities)),
             support=self.consistency.support(row, self.description.moved),
             geometry=geometry,

@@ -60,10 +60,10 @@ def verify(query: Landmarks, earlier: Landmarks) -> Geometry:
     if len(matches) < _LEAST_FOR_VOTES:
         return Geometry()
     first, second = matches.T
-    agreeing = _similarity_votes(query, earlier, matches)
+    pairs = np.stack([query.points[first], earlier.points[second]], axis=1)
+    agreeing = _similarity_votes(pairs, earlier.shapes[second] / query.shapes[first])
     moved = (earlier.places[second] - query.places[first].astype(np.float64))[agreeing]
     shift_x, shift_y = (np.median(moved, axis=0) / np.iinfo(np.uint16).max).tolist()
-    pairs = np.stack([query.points[first], earlier.points[second]], axis=1)
     inliers = _epipolar_inliers(pairs)
     cells = [_spread(query.places[first[inliers]]), _spread(earlier.places[second[inliers]])]
     return Geometry(
@@ -98,15 +98,15 @@ def match(query: NDArray[np.uint8], earlier: NDArray[np.uint8]) -> Matches:
     return np.stack([passed, nearest[passed]], axis=1)
 
 
-def _similarity_votes(query: Landmarks, earlier: Landmarks, matches: Matches) -> NDArray[np.bool_]:
+def _similarity_votes(
+    pairs: NDArray[np.float32], transform: NDArray[np.complex64]
+) -> NDArray[np.bool_]:
     """
     Return which matches agree with the similarity transform that most agree with.
 
     Every match proposes one by its own size and direction, so that there is nothing to sample.
     """
-    first, second = matches.T
-    points, others = _complex(query.points[first]), _complex(earlier.points[second])
-    transform = earlier.shapes[second] / query.shapes[first]
+    points, others = _complex(pairs[:, 0]), _complex(pairs[:, 1])
     moved = transform * (points[:, None] - points)
     agree = np.abs(others[:, None] - others - moved) < _VOTE_TOLERANCE
     return np.asarray(agree[:, agree.sum(axis=0).argmax()])
