@@ -159,8 +159,8 @@ def test_cosine_of_a_distance():
 
 def test_nearest_of_equals_are_the_first():
     distances = np.array([5, 3, 5, 5, 3, 9], np.uint32)
-    assert search.nearest(distances, 3).tolist() == [0, 1, 4]
-    assert search.nearest(distances, 9).tolist() == [0, 1, 2, 3, 4, 5]
+    assert signs.nearest(distances, 3).tolist() == [0, 1, 4]
+    assert signs.nearest(distances, 9).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_groups_of_displacements_overlap():

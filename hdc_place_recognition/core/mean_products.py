@@ -36,15 +36,11 @@ class MeanProducts:
 
     def products(self, query: Hypervector, count: int) -> NDArray[np.float32]:
         """
-        Return products of the first places with the centred forms and with the mean of rows.
+        Return products of the first places with a centred query and with the mean of rows.
 
-        :param query: (s, d) float32.
-        :return: (count, s + 1) float32.
+        :param query: (1, d) float32, not centred.
+        :return: (count, 2) float32.
         """
-        if len(query) > 1:
-            mean = self._means.of_rows()[None]
-            centred = (query - self._means.of_forms()).astype(np.float32)
-            return self._rows.products(np.concatenate([centred, mean]), count)
         products = self._bring_up_to_date(query, count)
         with_mean = (self._known / max(self._means.seen, 1)).astype(np.float32)
         return np.stack([products - with_mean, with_mean], axis=1)

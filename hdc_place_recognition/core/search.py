@@ -11,7 +11,7 @@ pass over the rows as they are, with mu as one more query (or none: :class:`Mean
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 from hdc_place_recognition.core import hdc, signs
 from hdc_place_recognition.core.mean_products import MeanProducts
@@ -68,6 +68,11 @@ class Question:
         """Return the index of the form displaced by nothing, and of the mean of the rows."""
         return len(self.query) // 2
 
+    @cached_property
+    def centred(self) -> NDArray[np.float64]:
+        """Return (s, d), the forms without their means."""
+        return self.query - self.means
+
     def cosines(
         self, products: NDArray[np.float32], squares: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
@@ -77,10 +82,10 @@ class Question:
         :param products: (n, s + 1), of the rows with :meth:`probes`.
         :param squares: (n,), of the rows' lengths.
         """
-        mean, centred = self.means[self.middle], self.query - self.means
-        along_mean = (centred @ mean).astype(np.float32)
+        mean = self.means[self.middle]
+        along_mean = (self.centred @ mean).astype(np.float32)
         above = products[:, :-1] - along_mean
-        above *= _inverse_lengths(np.square(centred).sum(axis=1))
+        above *= _inverse_lengths(np.square(self.centred).sum(axis=1))
         # A row's own length does not change which of the forms fits it best.
         best = above.argmax(axis=1)
         similarities = np.take_along_axis(above, best[:, None], axis=1)[:, 0]
@@ -89,8 +94,7 @@ class Question:
 
     def probes(self) -> hdc.Hypervector:
         """Return (s + 1, d) float32: the centred forms and the mean of the rows."""
-        centred = self.query - self.means
-        return np.concatenate([centred, self.means[self.middle][None]]).astype(np.float32)
+        return np.concatenate([self.centred, self.means[self.middle][None]]).astype(np.float32)
 
 
 def _inverse_lengths(squares: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -105,12 +109,16 @@ def search_all(
     """
     Compare a query with all rows.
 
-    :param products: of the rows.
+    :param products: of the rows, for a query of one form.
     :param order: where they are.
     :param count: the first rows that are asked for.
     """
     extent = order.extent(count)
-    found = order.in_order(products.products(question.query, extent).T, count).T
+    if len(question.query) == 1:
+        found = products.products(question.query, extent)
+    else:
+        found = rows.products(question.probes(), extent)
+    found = order.in_order(found.T, count).T
     squares = order.in_order(rows.squares(extent), count)
     similarities, displacements = question.cosines(found, squares)
     return Answer(similarities, displacements, similarities)
@@ -164,13 +172,13 @@ def _nearest_by_signs(
     groups: tuple[tuple[int, ...], ...],
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """Return the rows to be compared, rising, and estimates (count,) of all similarities."""
-    centred = hdc.normalize((question.query - question.means).astype(np.float32))
+    centred = hdc.normalize(question.centred.astype(np.float32))
     bundles = np.stack([centred[list(group)].sum(axis=0) for group in groups])
     queries = signs.signs(bundles, np.zeros(rows.dimensions, np.float32))
     coarse = order.in_order(rows.signs.coarse(queries, order.extent(count)), count)
     least = coarse.min(axis=0)
     if count > _ALL_SIGNS:
-        chosen = nearest(least, max(count // _SHARE, _LEAST))
+        chosen = signs.nearest(least, max(count // _SHARE, _LEAST))
     else:
         chosen = np.arange(count)
     places = order.places(chosen)
@@ -181,13 +189,4 @@ def _nearest_by_signs(
     nearest_query = distances.min(axis=0)
     similarities = signs.cosines(least, min(rows.signs.coarse_dimensions, rows.dimensions))
     similarities[chosen] = signs.cosines(nearest_query, rows.dimensions)
-    return chosen[nearest(nearest_query, _NEAREST)], similarities
-
-
-def nearest(distances: NDArray[np.unsignedinteger[Any]], count: int) -> NDArray[np.intp]:
-    """Return the rows of the least distances in order of their numbers; of equals the first."""
-    if len(distances) <= count:
-        return np.arange(len(distances))
-    last = np.partition(distances, count - 1)[count - 1]
-    below, equal = np.flatnonzero(distances < last), np.flatnonzero(distances == last)
-    return np.sort(np.concatenate([below, equal[: count - len(below)]]))
+    return chosen[signs.nearest(nearest_query, _NEAREST)], similarities

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,6 +42,15 @@ def cosines(distances: NDArray[np.uint16], dimensions: int) -> NDArray[np.float3
     """Return the cosines to be expected: signs differ as often as the angle says."""
     angles = np.multiply(distances, np.float32(np.pi / dimensions), dtype=np.float32)
     return np.cos(angles, out=angles)
+
+
+def nearest(distances: NDArray[np.unsignedinteger[Any]], count: int) -> NDArray[np.intp]:
+    """Return the rows of the least distances in order of their numbers; of equals the first."""
+    if len(distances) <= count:
+        return np.arange(len(distances))
+    last = np.partition(distances, count - 1)[count - 1]
+    below, equal = np.flatnonzero(distances < last), np.flatnonzero(distances == last)
+    return np.sort(np.concatenate([below, equal[: count - len(below)]]))
 
 
 def count_in_words(bits: Signs) -> NDArray[np.uint8]:
