@@ -66,7 +66,7 @@ setup(
             'hdc_experiments = hdc_place_recognition.offline.experiments:main',
             'hdc_benchmark = hdc_place_recognition.benchmark.command:main',
             'hdc_demo = hdc_place_recognition.demo.run:main',
-            'hdc_params = hdc_place_recognition.params_command:main',
+            'hdc_params = hdc_place_recognition.cli.params:main',
         ],
     },
 )

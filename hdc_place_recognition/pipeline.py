@@ -11,7 +11,7 @@ from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.features import create_extractor
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.row_file import RowFile
 import threadpoolctl
 

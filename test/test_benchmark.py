@@ -14,7 +14,7 @@ from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import each_milliseconds, Measurement
 from hdc_place_recognition.benchmark.vectors import Crowd, World
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 import pytest

@@ -11,7 +11,7 @@ from hdc_place_recognition.offline.closures import Verdict
 from hdc_place_recognition.offline.dataset import Dataset, Mode, Truth
 from hdc_place_recognition.offline.evaluate import evaluate, STAGES
 from hdc_place_recognition.offline.groundtruth import MatrixTruth
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 import pytest
 

@@ -23,7 +23,7 @@ from hdc_place_recognition.offline.experiment_variants import DEFAULT, Variant, 
 from hdc_place_recognition.offline.experiments import main
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 import pytest
 

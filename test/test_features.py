@@ -18,8 +18,7 @@ from hdc_place_recognition.features.reduction import (
     reduce_to_width,
     restore,
 )
-from hdc_place_recognition.param_spec import spec
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params, spec
 import numpy as np
 from numpy.typing import NDArray
 import pytest

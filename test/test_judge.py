@@ -11,7 +11,7 @@ import cv2
 from hdc_place_recognition.core.detection import Detection, Reason, Status
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.features import create_extractor
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
 import pytest

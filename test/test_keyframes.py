@@ -7,7 +7,7 @@ import math
 from conftest import CellExtractor, texture
 from hdc_place_recognition.core.keyframes import KeyframeSelector, Pose
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 import pytest
 

@@ -1,22 +1,33 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Imports run one way: ros -> core <- offline."""
+"""A room imports only from the rooms below it, and only some rooms know ROS, files or printing."""
 
 import ast
 from pathlib import Path
+import sys
 
 from conftest import ROOT
 
 PACKAGE = 'hdc_place_recognition'
 SOURCE = ROOT / PACKAGE
-SHARED = {'errors', 'params', 'param_spec', 'images', 'cameras'}
-# What each part may import of the package, besides itself.
-ALLOWED = {
-    'core': {'errors', 'params'},
-    'features': {'core', 'errors'},
-    'ros': {*SHARED, 'core', 'pipeline', 'params_io', 'odometry'},
-    'offline': {*SHARED, 'border', 'core', 'pipeline', 'params_io', 'features'},
-}
+# From the top floor down. Rooms on one floor do not import each other.
+FLOORS = (
+    ('demo', 'benchmark'),
+    ('offline',),
+    ('cli',),
+    ('ros',),
+    ('pipeline',),
+    ('features',),
+    ('odometry', 'cameras', 'row_file', 'images'),
+    ('core', 'image_encodings'),
+    ('params',),
+    ('errors',),
+)
+FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+# Beside the standard library and numpy.
+LIBRARIES = {'core': {'cv2'}}
+# What touches files, threads of its own or a terminal in the standard library.
+NOT_PURE = {'argparse', 'csv', 'json', 'logging', 'os', 'pathlib', 'pickle', 'shutil', 'sys'}
 OF_ROS = {'rclpy', 'rcl_interfaces', 'sensor_msgs', 'nav_msgs', 'std_msgs', 'diagnostic_msgs'}
 
 
@@ -28,56 +39,56 @@ def imports(path: Path) -> set[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f'{path}: relative import'
-            found.add(node.module or '')
+            module = node.module or ''
+            found |= {f'{PACKAGE}.{alias.name}' for alias in node.names if module == PACKAGE}
+            found.add(module)
     return found
 
 
-def modules(part: str) -> list[Path]:
-    found = sorted((SOURCE / part).glob('*.py'))
-    assert found
-    return found
+def room(path: Path) -> str:
+    """Return the room of a file of the package."""
+    return path.relative_to(SOURCE).with_suffix('').parts[0]
 
 
-def test_imports_run_one_way():
-    for part, allowed in ALLOWED.items():
-        for path in modules(part):
-            parts = {
-                name.split('.')[1] for name in imports(path) if name.startswith(PACKAGE + '.')
-            }
-            assert parts <= {part, *allowed}, f'{path} imports {parts - {part, *allowed}}'
+def files(*rooms: str) -> list[Path]:
+    """Return the files of some rooms, of all by default."""
+    found = [
+        path
+        for path in sorted(SOURCE.rglob('*.py'))
+        if path.parent != SOURCE or path.stem != '__init__'
+    ]
+    return [path for path in found if not rooms or room(path) in rooms]
 
 
-def test_the_core_knows_numpy_and_opencv_only():
-    for path in modules('core'):
-        outside = {name.split('.')[0] for name in imports(path)} - {PACKAGE}
-        stdlib = {
-            '__future__',
-            'array',
-            'bisect',
-            'collections',
-            'concurrent',
-            'contextlib',
-            'dataclasses',
-            'enum',
-            'functools',
-            'time',
-            'typing',
-            'threading',
-            'math',
-            'itertools',
-        }
-        assert outside <= {*stdlib, 'cv2', 'numpy'}, f'{path} imports {outside - stdlib}'
+def test_every_room_has_a_floor():
+    assert {room(path) for path in files()} == set(FLOOR)
+
+
+def test_rooms_import_from_below():
+    for path in files():
+        own = room(path)
+        used = {name.split('.')[1] for name in imports(path) if name.startswith(PACKAGE + '.')}
+        above = {other for other in used - {own} if FLOOR[other] <= FLOOR[own]}
+        assert not above, f'{path} imports {above}'
+
+
+def test_recognition_rooms_know_no_files_and_no_other_libraries():
+    for path in files(*LIBRARIES):
+        outside = {name.split('.')[0] for name in imports(path)} - {PACKAGE, 'numpy'}
+        assert not outside & NOT_PURE, f'{path} imports {outside & NOT_PURE}'
+        libraries = outside - set(sys.stdlib_module_names) - LIBRARIES[room(path)]
+        assert not libraries, f'{path} imports {libraries}'
 
 
 def test_only_ros_demo_and_benchmark_import_ros():
-    for path in SOURCE.rglob('*.py'):
-        if not {'ros', 'demo', 'benchmark'} & set(path.relative_to(SOURCE).parts):
+    for path in files():
+        if room(path) not in {'ros', 'demo', 'benchmark'}:
             names = {name.split('.')[0] for name in imports(path)}
             assert not names & OF_ROS, f'{path} imports {names & OF_ROS}'
 
 
 def test_nothing_is_printed_but_by_commands():
-    for path in SOURCE.rglob('*.py'):
+    for path in files():
         calls = [
             node.func.id
             for node in ast.walk(ast.parse(path.read_text()))

@@ -7,7 +7,7 @@ import cv2
 from hdc_place_recognition.core.detection import Detection, NOT_VERIFIED, Status
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 import pytest

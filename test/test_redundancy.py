@@ -13,7 +13,7 @@ from hdc_place_recognition.core.landmarks import keep, Landmarks
 from hdc_place_recognition.core.limit import Forgotten, Limit
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.core.rows import Rows
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -13,7 +13,7 @@ from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_rows
 from hdc_place_recognition.row_file import RowFile
 import numpy as np

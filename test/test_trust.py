@@ -6,7 +6,7 @@ from hdc_place_recognition.offline import experiments
 from hdc_place_recognition.offline.evaluate import evaluate
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 
 FAST = ['--extractor', 'gradient_grid', '--dimensions', '1024']

@@ -16,7 +16,7 @@ from hdc_place_recognition.benchmark.report import table, write
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement, multiplication_rate, read_bandwidth
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import threadpoolctl
 
 _log = logging.getLogger(__name__)

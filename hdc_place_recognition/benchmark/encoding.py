@@ -12,7 +12,7 @@ from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.displacements import bundle_displaced, Displacements
 from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 
 _WIDTH, _HEIGHT = 640, 480

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
 

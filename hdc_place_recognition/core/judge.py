@@ -22,7 +22,7 @@ from hdc_place_recognition.core.hypotheses import best_of, certainty, Hypothesis
 from hdc_place_recognition.core.proposals import neighbours, propose
 from hdc_place_recognition.core.search import Answer
 from hdc_place_recognition.core.verification import verify
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
 

@@ -10,7 +10,7 @@ import math
 
 from hdc_place_recognition.core.camera import Quaternion
 from hdc_place_recognition.core.hdc import Hypervector
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from hdc_place_recognition.core.landmarking import Landmarker
 from hdc_place_recognition.core.landmarks import Landmarks
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.core.verification import verify
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
 

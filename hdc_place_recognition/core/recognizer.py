@@ -22,7 +22,7 @@ from hdc_place_recognition.core.selection import nanoseconds, StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from numpy.typing import NDArray
 
 

@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 
-from hdc_place_recognition.border import run_command
+from hdc_place_recognition.cli.run import run_command
 from hdc_place_recognition.demo.bag import (
     CAMERA_INFO_TOPIC,
     IMAGE_TOPIC,
@@ -23,7 +23,7 @@ from hdc_place_recognition.demo.bag import (
 from hdc_place_recognition.demo.play import Player, raw_messages
 from hdc_place_recognition.demo.score import score
 from hdc_place_recognition.offline.closures import Closures
-from hdc_place_recognition.params_io import NODE_NAME
+from hdc_place_recognition.params.io import NODE_NAME
 import rclpy
 
 GOOD_RECALL = 0.9

@@ -13,7 +13,7 @@ from hdc_place_recognition.offline.bags import read_poses
 from hdc_place_recognition.offline.closures import Closures, count_closures
 from hdc_place_recognition.offline.groundtruth import PoseTruth
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 
 

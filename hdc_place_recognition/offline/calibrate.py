@@ -17,7 +17,7 @@ from hdc_place_recognition.offline.closures import Verdict
 from hdc_place_recognition.offline.evaluate import evaluate, Evaluation
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 from numpy.typing import NDArray

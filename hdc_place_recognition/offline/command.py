@@ -11,7 +11,7 @@ import logging
 from pathlib import Path
 import sys
 
-from hdc_place_recognition.border import run_command
+from hdc_place_recognition.cli.run import run_command
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Dataset
 from hdc_place_recognition.offline.evaluate import evaluate, Evaluation, without_progress
@@ -22,8 +22,8 @@ from hdc_place_recognition.offline.poses import VIEW_AXES
 from hdc_place_recognition.offline.replay import Progress
 from hdc_place_recognition.offline.report import metrics_dict, summary, table
 from hdc_place_recognition.offline.results import write_results
-from hdc_place_recognition.params import Params
-from hdc_place_recognition.params_io import add_arguments, from_arguments
+from hdc_place_recognition.params.io import add_arguments, from_arguments
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 
 _log = logging.getLogger(__name__)

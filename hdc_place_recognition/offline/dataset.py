@@ -11,7 +11,7 @@ from typing import Protocol
 
 from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.core.keyframes import no_odometry, Odometry
-from hdc_place_recognition.param_spec import Value
+from hdc_place_recognition.params.table import Value
 import numpy as np
 from numpy.typing import NDArray
 

@@ -16,7 +16,7 @@ from hdc_place_recognition.offline.curves import Pairs
 from hdc_place_recognition.offline.dataset import Dataset, Frames, GroundTruth
 from hdc_place_recognition.offline.recording import Recording
 from hdc_place_recognition.offline.replay import Progress, replay
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import numpy as np
 
 STAGES = ('read', 'extract', 'encode', 'keypoints', 'query', 'insert', 'verify')

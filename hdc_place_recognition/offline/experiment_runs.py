@@ -18,7 +18,7 @@ from hdc_place_recognition.offline.dataset import Dataset
 from hdc_place_recognition.offline.evaluate import evaluate
 from hdc_place_recognition.offline.experiment_cache import in_memory, KeepingExtractor
 from hdc_place_recognition.offline.experiment_variants import Variant
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 import threadpoolctl
 
 _log = logging.getLogger(__name__)

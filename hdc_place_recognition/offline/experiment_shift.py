@@ -15,7 +15,7 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.offline.dataset import Dataset, Frames, Mode
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params_io import add_arguments, from_arguments
+from hdc_place_recognition.params.io import add_arguments, from_arguments
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 from numpy.typing import NDArray

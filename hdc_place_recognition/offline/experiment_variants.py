@@ -39,7 +39,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hdc_place_recognition.param_spec import Value
+from hdc_place_recognition.params.table import Value
 
 KEPT, DROPPED, DEFAULT = 'kept', 'dropped', 'default'
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from hdc_place_recognition.border import run_command
+from hdc_place_recognition.cli.run import run_command
 from hdc_place_recognition.offline.calibrate import add_calibrate
 from hdc_place_recognition.offline.experiment_shift import add_shift
 from hdc_place_recognition.offline.experiment_vectors import add_vectors

@@ -18,7 +18,7 @@ from hdc_place_recognition.offline.dataset import Dataset, Frames, GroundTruth, 
 from hdc_place_recognition.offline.groundtruth import load_matrices, MatrixTruth, PoseTruth
 from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.offline.poses import Poses
-from hdc_place_recognition.param_spec import Value
+from hdc_place_recognition.params.table import Value
 
 # Images of a folder are one second apart, and seconds are images. All of them count: whoever made
 # the folder has selected them, and the metrics are about all pairs, exactly. A bag instead is

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 
 
 @dataclass(frozen=True)

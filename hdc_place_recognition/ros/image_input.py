@@ -8,7 +8,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.ros.node_statistics import Statistics
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node

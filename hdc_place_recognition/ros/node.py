@@ -14,8 +14,8 @@ from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.images import image_from_message, stamp_ns
 from hdc_place_recognition.odometry import KeyframePositions
-from hdc_place_recognition.params import Params
-from hdc_place_recognition.params_io import NODE_NAME
+from hdc_place_recognition.params.io import NODE_NAME
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 from hdc_place_recognition.ros.diagnostics import Diagnostics
 from hdc_place_recognition.ros.image_input import ImageInput

@@ -9,8 +9,7 @@ from dataclasses import Field, fields
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.param_spec import spec
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params, spec
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,

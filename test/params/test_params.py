@@ -7,17 +7,16 @@ from dataclasses import fields
 from pathlib import Path
 
 from conftest import ROOT
+from hdc_place_recognition.cli.params import main
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.param_spec import spec
-from hdc_place_recognition.params import Params
-from hdc_place_recognition.params_command import main
-from hdc_place_recognition.params_io import (
+from hdc_place_recognition.params.io import (
     add_arguments,
     dump_yaml,
     from_arguments,
     load_yaml,
     markdown_table,
 )
+from hdc_place_recognition.params.table import Params, spec
 import pytest
 
 CHANGED = Params(n_x=2, min_score=0.25, extractor='orb', center_database=False)

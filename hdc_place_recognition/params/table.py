@@ -3,18 +3,83 @@
 """
 The one table of parameters.
 
-ROS declarations, `ros2 param set`, YAML files, command-line flags and README's table are all made
-from the fields of :class:`Params`; no default is written anywhere else.
+ROS declarations, `ros2 param set`, YAML files, command-line flags and the table in doc/ are all
+generated from the fields of :class:`Params`; no default is written anywhere else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, Field, field, fields, replace
+import math
+from typing import Any, TypeVar
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.param_spec import check, coerce, param, Value
+
+Value = bool | int | float | str
+Default = TypeVar('Default', bool, int, float, str)
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What is known of a parameter besides its name, default and type."""
+
+    doc: str
+    unit: str = ''
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    live: bool = False
+
+    def allowed(self) -> str:
+        """Return the range or the choices in words, '' if anything of the type will do."""
+        if self.choices:
+            return ', '.join(self.choices)
+        return '' if self.low is None else f'{self.low:g} to {self.high:g}'
+
+
+def param(default: Default, doc: str, **details: Any) -> Default:
+    """Return a field of the table; the details are those of :class:`Spec`."""
+    parameter: Default = field(default=default, metadata={'spec': Spec(doc, **details)})
+    return parameter
+
+
+def spec(item: Field[Any]) -> Spec:
+    """Return what the table says of one field of :class:`Params`."""
+    found: Spec = item.metadata['spec']
+    return found
+
+
+def coerce(item: Field[Any], value: object) -> object:
+    """Return `value`, as a float where an integer stands for one (ROS users type 1 for 1.0)."""
+    if type(item.default) is float and type(value) is int:
+        return float(value)
+    return value
+
+
+def check(item: Field[Any], value: object) -> None:
+    """Raise the error that names parameter, value and remedy, if there is one."""
+    kind, allowed = type(item.default), spec(item).allowed()
+    of_range = f' ({allowed})' if allowed else ''
+    if type(value) is not kind:
+        raise PlaceRecognitionError(
+            f'parameter {item.name}: {value!r} is a {type(value).__name__}, '
+            f'expected a {kind.__name__}{of_range}'
+        )
+    if not _within(spec(item), value):
+        raise PlaceRecognitionError(
+            f'parameter {item.name}: {value!r} is not one of {allowed}'
+            if spec(item).choices
+            else f'parameter {item.name}: {value!r} is outside {allowed}'
+        )
+
+
+def _within(limits: Spec, value: object) -> bool:
+    if limits.choices:
+        return value in limits.choices
+    if limits.low is None or limits.high is None or not isinstance(value, int | float):
+        return True
+    return math.isfinite(value) and limits.low <= value <= limits.high
 
 
 @dataclass(frozen=True)
@@ -243,7 +308,3 @@ class Params:
             name: coerce(known[name], value) for name, value in changes.items()
         }
         return replace(self, **coerced)
-
-    def to_dict(self) -> dict[str, Value]:
-        """Return names and values in the table's order."""
-        return asdict(self)

@@ -12,8 +12,7 @@ import textwrap
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.param_spec import spec
-from hdc_place_recognition.params import Params
+from hdc_place_recognition.params.table import Params, spec
 import yaml
 
 NODE_NAME = 'place_recognition_node'

@@ -7,8 +7,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from hdc_place_recognition.border import run_command
-from hdc_place_recognition.params_io import (
+from hdc_place_recognition.cli.run import run_command
+from hdc_place_recognition.params.io import (
     add_arguments,
     dump_yaml,
     from_arguments,
