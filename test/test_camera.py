@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import cv2
 from hdc_place_recognition.cameras import camera_from_message
 from hdc_place_recognition.core.camera import Camera, rotation
-from hdc_place_recognition.core.landmarks import keep
 from hdc_place_recognition.core.verification import verify
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features import create_extractor
+from hdc_place_recognition.features.compact import keep
+from hdc_place_recognition.features.registry import create_extractor
 import numpy as np
 from numpy.typing import NDArray
 import pytest

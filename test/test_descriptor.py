@@ -12,9 +12,9 @@ from hdc_place_recognition.core.displacements import (
     Displacements,
     plan_grid,
 )
-from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
 from hdc_place_recognition.core.positions import PositionEncoder
+from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 import pytest

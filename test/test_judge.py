@@ -10,7 +10,7 @@ from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.core.detection import Detection, Reason, Status
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
-from hdc_place_recognition.features import create_extractor
+from hdc_place_recognition.features.registry import create_extractor
 from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray

@@ -17,15 +17,17 @@ FLOORS = (
     ('cli',),
     ('ros',),
     ('pipeline',),
-    ('features',),
     ('odometry', 'cameras', 'row_file', 'images'),
-    ('core', 'image_encodings'),
+    ('image_encodings',),
+    ('core',),
+    ('features',),
+    ('networks',),
     ('params',),
     ('errors',),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # Beside the standard library and numpy.
-LIBRARIES = {'core': {'cv2'}}
+LIBRARIES = {'core': {'cv2'}, 'features': {'cv2'}}
 # What touches files, threads of its own or a terminal in the standard library.
 NOT_PURE = {'argparse', 'csv', 'json', 'logging', 'os', 'pathlib', 'pickle', 'shutil', 'sys'}
 OF_ROS = {'rclpy', 'rcl_interfaces', 'sensor_msgs', 'nav_msgs', 'std_msgs', 'diagnostic_msgs'}

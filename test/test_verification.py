@@ -5,11 +5,11 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
-from hdc_place_recognition.core.features import LocalFeatures
-from hdc_place_recognition.core.landmarks import keep, Landmarks
 from hdc_place_recognition.core.verification import Geometry, match, verify
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features import create_extractor
+from hdc_place_recognition.features.compact import keep, Landmarks
+from hdc_place_recognition.features.registry import create_extractor
+from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 import pytest

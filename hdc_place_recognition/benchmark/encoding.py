@@ -10,8 +10,8 @@ from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement, milliseconds
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.displacements import bundle_displaced, Displacements
-from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
+from hdc_place_recognition.features.types import LocalFeatures
 from hdc_place_recognition.params.table import Params
 import numpy as np
 

@@ -16,10 +16,10 @@ from time import perf_counter
 from hdc_place_recognition.benchmark.vectors import Crowd, DIMENSIONS, SIDE
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.landmarks import Landmarks
 from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.compact import Landmarks
 from hdc_place_recognition.row_file import RowFile
 import numpy as np
 from numpy.typing import NDArray

@@ -16,7 +16,7 @@ from hdc_place_recognition.benchmark.timing import (
     milliseconds,
 )
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features import create_extractor, EXTRACTORS
+from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 from numpy.typing import NDArray

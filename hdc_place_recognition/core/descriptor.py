@@ -14,9 +14,9 @@ from hdc_place_recognition.core.displacements import (
     GridPlan,
     plan_grid,
 )
-from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.core.folding import bundle_bound
 from hdc_place_recognition.core.positions import PositionEncoder
+from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 

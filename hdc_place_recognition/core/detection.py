@@ -10,7 +10,7 @@ from enum import Enum
 
 from hdc_place_recognition.core.camera import Quaternion
 from hdc_place_recognition.core.hdc import Hypervector
-from hdc_place_recognition.core.landmarks import Landmarks
+from hdc_place_recognition.features.compact import Landmarks
 import numpy as np
 from numpy.typing import NDArray
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_left, bisect_right
 
-from hdc_place_recognition.core.landmarks import Landmarks
+from hdc_place_recognition.features.compact import Landmarks
 
 # Two stamps, a number, and a pointer to landmarks.
 _BYTES = 4 * 8

@@ -9,8 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
-from hdc_place_recognition.core.features import Extractor
-from hdc_place_recognition.core.landmarks import keep, Landmarks
+from hdc_place_recognition.features.compact import keep, Landmarks
+from hdc_place_recognition.features.types import Extractor
 from numpy.typing import NDArray
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from hdc_place_recognition.core.descriptor import DescriptorEncoder
 from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.landmarking import Landmarker
-from hdc_place_recognition.core.landmarks import Landmarks
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.core.verification import verify
+from hdc_place_recognition.features.compact import Landmarks
+from hdc_place_recognition.features.types import Extractor
 from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray

@@ -11,7 +11,6 @@ from hdc_place_recognition.core.camera import Camera
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.detection import Candidate, Description, Detection, status_of
 from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.features import Extractor
 from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
 from hdc_place_recognition.core.keyframes import KeyframeSelector, no_odometry, Odometry
@@ -22,6 +21,7 @@ from hdc_place_recognition.core.selection import nanoseconds, StampSelector
 from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.types import Extractor
 from hdc_place_recognition.params.table import Params
 from numpy.typing import NDArray
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import cv2
-from hdc_place_recognition.core.landmarks import Landmarks
+from hdc_place_recognition.features.compact import Landmarks
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,10 +5,10 @@
 from __future__ import annotations
 
 import cv2
-from hdc_place_recognition.core.features import LocalFeatures
-from hdc_place_recognition.features import onnx_graph, runtime, weights
-from hdc_place_recognition.features.cache import cached
-from hdc_place_recognition.features.reduction import as_bgr, grid, Image, reduce_to_width, restore
+from hdc_place_recognition.features.resize import as_bgr, grid, Image, reduce_to_width, restore
+from hdc_place_recognition.features.types import LocalFeatures
+from hdc_place_recognition.networks import onnx_graph, runtime, weights
+from hdc_place_recognition.networks.cache import cached
 import numpy as np
 from numpy.typing import NDArray
 

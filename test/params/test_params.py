@@ -140,7 +140,7 @@ def test_command(capsys):
 
 
 def test_extractors_of_the_table_exist():
-    from hdc_place_recognition.features import EXTRACTORS
+    from hdc_place_recognition.features.registry import EXTRACTORS
 
     item = next(item for item in fields(Params) if item.name == 'extractor')
     assert spec(item).choices == tuple(EXTRACTORS)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.weights import NEEDS_NO_WEIGHTS, State
+from hdc_place_recognition.networks.weights import NEEDS_NO_WEIGHTS, State
 import numpy as np
 from numpy.typing import NDArray
 

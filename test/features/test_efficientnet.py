@@ -10,13 +10,13 @@ import sys
 
 import cv2
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features import cache, onnx_graph, runtime, weights
 from hdc_place_recognition.features.efficientnet import (
     EfficientNetLite0,
     generalised_mean,
     network_graph,
     normalised,
 )
+from hdc_place_recognition.networks import cache, onnx_graph, runtime, weights
 import numpy as np
 from numpy.typing import NDArray
 import pytest

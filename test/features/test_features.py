@@ -6,18 +6,18 @@ from dataclasses import fields
 
 from conftest import texture
 import cv2
-from hdc_place_recognition.core.features import Extractor, LocalFeatures
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features import create_extractor, EXTRACTORS
 from hdc_place_recognition.features.gradient_grid import cell_histograms, oriented_gradients
 from hdc_place_recognition.features.keypoint import root, signs
-from hdc_place_recognition.features.reduction import (
+from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
+from hdc_place_recognition.features.resize import (
     as_bgr,
     as_grey,
     grid,
     reduce_to_width,
     restore,
 )
+from hdc_place_recognition.features.types import Extractor, LocalFeatures
 from hdc_place_recognition.params.table import Params, spec
 import numpy as np
 from numpy.typing import NDArray

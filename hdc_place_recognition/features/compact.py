@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdc_place_recognition.core.features import LocalFeatures
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 
