@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.features.local_features import Extractor
 from hdc_place_recognition.features.registry import create_extractor
-from hdc_place_recognition.features.types import Extractor
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.row_file import RowFile
 import threadpoolctl

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 import sys
 
-from hdc_place_recognition.features.types import LocalFeatures
+from hdc_place_recognition.features.local_features import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 import pytest

@@ -6,8 +6,8 @@ import csv
 from types import SimpleNamespace
 
 import cv2
-from hdc_place_recognition.cameras import camera_from_message
-from hdc_place_recognition.core.camera import Camera, rotation
+from hdc_place_recognition.camera import Camera, rotation
+from hdc_place_recognition.conversions.camera_info import camera_from_message
 from hdc_place_recognition.core.verification import verify
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.compact import keep

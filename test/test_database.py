@@ -3,9 +3,9 @@
 """The database against formulas written out."""
 
 from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.hdc import normalize
 from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.hdc.algebra import normalize
 import numpy as np
 from numpy.typing import NDArray
 import pytest

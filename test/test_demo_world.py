@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import cv2
+from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
 from hdc_place_recognition.demo.bag import (
     CAMERA_INFO_TOPIC,
     IMAGE_TOPIC,
@@ -21,7 +22,6 @@ from hdc_place_recognition.demo.route import IMAGE_PERIOD_NS, Moment, Pose, Rout
 from hdc_place_recognition.demo.shadows import Walls
 from hdc_place_recognition.demo.world import StreetWorld
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.images import image_from_message, stamp_ns
 import numpy as np
 from numpy.typing import NDArray
 import pytest

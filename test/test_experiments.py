@@ -14,8 +14,8 @@ from hdc_place_recognition.offline.experiment_cache import in_memory, KeepingExt
 from hdc_place_recognition.offline.experiment_runs import measure, Plan, Run
 from hdc_place_recognition.offline.experiment_shift import (
     estimate,
+    MeasuredShifts,
     read_displacements,
-    Shifts,
     table,
 )
 from hdc_place_recognition.offline.experiment_tables import half_interval, markdown
@@ -322,7 +322,7 @@ def test_known_shifts_are_estimated(shifted, capsys):
 def test_shift_table_of_hand_written_numbers():
     measured = np.array([(0.0, 0.0), (0.1, 0.0), (0.2, 0.0)])
     estimated = np.array([(0.0, 0.1), (0.2, 0.0), (0.2, 0.0)])
-    _, _, x, y = table('x', Shifts(measured, estimated)).splitlines()
+    _, _, x, y = table('x', MeasuredShifts(measured, estimated)).splitlines()
     # Of (0, 1, 2) and (0, 2, 2): covariance 2, squares 2 and 8 / 3.
     assert x.split()[:4] == ['horizontal', '0.866', '0.000', '67%']
     assert y.split()[:3] == ['vertical', '-', '0.000']

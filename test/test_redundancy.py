@@ -7,12 +7,12 @@ import tracemalloc
 from conftest import CellExtractor, texture
 from hdc_place_recognition.core.consistency import Consistency
 from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.hdc import normalize
 from hdc_place_recognition.core.limit import Forgotten, Limit
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.features.compact import keep, Landmarks
-from hdc_place_recognition.features.types import LocalFeatures
+from hdc_place_recognition.features.local_features import LocalFeatures
+from hdc_place_recognition.hdc.algebra import normalize
 from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray

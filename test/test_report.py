@@ -9,7 +9,7 @@ from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.offline import command, plots
-from hdc_place_recognition.params.io import load_yaml
+from hdc_place_recognition.params.formats import load_yaml
 import numpy as np
 import pytest
 from test_bags import CAMERA, image, odometry, write_bag

@@ -7,12 +7,12 @@ import os
 
 from conftest import CellExtractor, texture
 from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.hdc import normalize
 from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.hdc.algebra import normalize
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_rows
 from hdc_place_recognition.row_file import RowFile

@@ -19,7 +19,7 @@ from rosbags.typesys import get_typestore, Stores
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS')
 
-from hdc_place_recognition.images import stamp_ns  # noqa: E402, I100
+from hdc_place_recognition.conversions.image import stamp_ns  # noqa: E402, I100
 from hdc_place_recognition.ros.messages import PublishedCandidate, read_candidates  # noqa: E402
 from hdc_place_recognition.ros.node import PlaceRecognitionNode  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402

@@ -4,10 +4,10 @@
 
 from hdc_place_recognition.core import database, search, sign_table, signs
 from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.hdc import normalize
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.core.sign_table import SignTable
+from hdc_place_recognition.hdc.algebra import normalize
+from hdc_place_recognition.hdc.shifts import Shifts
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -164,8 +164,8 @@ def test_nearest_of_equals_are_the_first():
 
 
 def test_groups_of_displacements_overlap():
-    assert Displacements(1, 1, 0.1).groups == ((0,),)
-    assert Displacements(3, 1, 0.1).groups == ((0, 1, 2),)
-    groups = Displacements(5, 5, 0.1).groups
+    assert Shifts(1, 1, 0.1).groups == ((0,),)
+    assert Shifts(3, 1, 0.1).groups == ((0, 1, 2),)
+    groups = Shifts(5, 5, 0.1).groups
     assert groups[0] == (0, 1, 2, 5, 6, 7, 10, 11, 12) and len(groups) == 4
     assert set(sum(groups, ())) == set(range(25))

@@ -8,8 +8,8 @@ import cv2
 from hdc_place_recognition.core.verification import Geometry, match, verify
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.compact import keep, Landmarks
+from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.features.registry import create_extractor
-from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 import pytest

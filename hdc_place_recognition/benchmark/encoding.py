@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement, milliseconds
-from hdc_place_recognition.core.descriptor import DescriptorEncoder
-from hdc_place_recognition.core.displacements import bundle_displaced, Displacements
-from hdc_place_recognition.core.folding import bundle_bound, bundle_bound_plain
-from hdc_place_recognition.features.types import LocalFeatures
+from hdc_place_recognition.features.local_features import LocalFeatures
+from hdc_place_recognition.hdc.fast_bundling import bundle_folded, bundle_shifted
+from hdc_place_recognition.hdc.image_descriptor import bundle_bound, DescriptorEncoder
+from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.params.table import Params
 import numpy as np
 
@@ -22,33 +22,35 @@ _ROWS, _COLUMNS, _CHANNELS = 15, 20, 112
 
 
 def measure_encoding(_: Settings) -> Iterator[Measurement]:
-    """Yield the cost of one image: keypoints as they are and displaced, and a displaced grid."""
+    """Yield the cost of one image: keypoints without and with shifts, and a grid with shifts."""
     rng = np.random.default_rng(0)
     yield from _measure_keypoints(rng)
     yield from _measure_grid(rng)
 
 
 def _measure_keypoints(rng: np.random.Generator) -> Iterator[Measurement]:
-    """Yield what keypoints cost: projected only, written plainly, folded, and displaced."""
+    """Yield what keypoints cost: projected only, by Eq. 4 as it reads, folded, and shifted."""
     keypoints = (rng.random((_FEATURES, 2)) * (_WIDTH, _HEIGHT)).astype(np.float32)
     local = rng.standard_normal((_FEATURES, _LENGTH), np.float32)
     encoder = _encoder(Params().displacements_x)
-    projection, displacements = encoder.projection(_LENGTH), encoder.displacements
-    inputs = local, projection, encoder.positions, keypoints, _WIDTH, _HEIGHT
+    projection, shifts = encoder.projection(_LENGTH), encoder.shifts
+    features = LocalFeatures(keypoints, local, _WIDTH, _HEIGHT)
+    inputs = local, projection, encoder.positions, features
     size = f'{_FEATURES} x {_LENGTH}'
     alone = milliseconds(lambda: local @ projection.T)
     yield Measurement(f'projection alone, {size}', alone, 'ms')
-    plain = milliseconds(lambda: bundle_bound_plain(*inputs))
-    yield Measurement(f'encoding plainly, {size}', plain, 'ms', plain / alone, 'projection')
-    folded = milliseconds(lambda: bundle_bound(*inputs))
+    roles = encoder.positions.encode
+    plain = milliseconds(lambda: bundle_bound(local, projection, roles(features)))
+    yield Measurement(f'encoding as Eq. 4 reads, {size}', plain, 'ms', plain / alone, 'projection')
+    folded = milliseconds(lambda: bundle_folded(*inputs))
     name = f'encoding folded, {size}'
     yield Measurement(name, folded, 'ms', folded / alone, 'projection', '<= 1.1')
-    yield Measurement(name, folded, 'ms', folded / plain, 'plain', '<= 0.25')
-    displaced = milliseconds(lambda: bundle_displaced(*inputs, displacements))
-    count = len(displacements.offsets)
-    name = f'encoding, {size}, {count} displacements'
-    yield Measurement(name, displaced, 'ms', displaced / alone, 'projection')
-    yield Measurement(name, displaced, 'ms', displaced / folded, 'folded', f'< {count}')
+    yield Measurement(name, folded, 'ms', folded / plain, 'Eq. 4', '<= 0.25')
+    shifted = milliseconds(lambda: bundle_shifted(*inputs, shifts))
+    count = len(shifts.offsets)
+    name = f'encoding, {size}, {count} shifts'
+    yield Measurement(name, shifted, 'ms', shifted / alone, 'projection')
+    yield Measurement(name, shifted, 'ms', shifted / folded, 'folded', f'< {count}')
 
 
 def _measure_grid(rng: np.random.Generator) -> Iterator[Measurement]:
@@ -63,11 +65,11 @@ def _measure_grid(rng: np.random.Generator) -> Iterator[Measurement]:
     alone = milliseconds(lambda: projection @ local.T)
     yield Measurement(f'projection alone, {size}', alone, 'ms')
     grid = milliseconds(lambda: encoder.encode(features))
-    name = f'encoding a grid, {size}, {len(encoder.displacements.offsets)} displacements'
+    name = f'encoding a grid, {size}, {len(encoder.shifts.offsets)} shifts'
     yield Measurement(name, grid, 'ms', grid / alone, 'projection')
 
 
-def _encoder(displacements: int) -> DescriptorEncoder:
+def _encoder(shifts: int) -> DescriptorEncoder:
     params = Params()
     return DescriptorEncoder(
         dimensions=params.dimensions,
@@ -75,6 +77,6 @@ def _encoder(displacements: int) -> DescriptorEncoder:
         n_y=params.n_y,
         preprocessing=params.preprocessing,
         projection=params.projection,
-        displacements=Displacements(displacements, displacements, params.displacement_step),
+        shifts=Shifts(shifts, shifts, params.displacement_step),
         seed=params.seed,
     )

@@ -15,11 +15,11 @@ from time import perf_counter
 
 from hdc_place_recognition.benchmark.vectors import Crowd, DIMENSIONS, SIDE
 from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.compact import Landmarks
+from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.row_file import RowFile
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +135,7 @@ def _database(filling: Filling) -> Database:
         SIDE * SIDE,
         True,
         'synthetic',
-        Displacements(SIDE, SIDE, 0.1).groups,
+        Shifts(SIDE, SIDE, 0.1).groups,
         Limit(filling.max_keyframes, filling.max_megabytes),
     )
 

@@ -13,9 +13,9 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from hdc_place_recognition.benchmark.node_process import TOPIC
+from hdc_place_recognition.conversions.image import stamp_ns
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.images import stamp_ns
-from hdc_place_recognition.params.io import NODE_NAME
+from hdc_place_recognition.params.formats import NODE_NAME
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor

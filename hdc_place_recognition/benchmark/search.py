@@ -19,9 +19,9 @@ from hdc_place_recognition.benchmark.timing import (
 )
 from hdc_place_recognition.benchmark.vectors import DIMENSIONS, SIDE, World
 from hdc_place_recognition.core.database import Database, TWO_STAGES_FROM
-from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.hdc.algebra import Hypervector
+from hdc_place_recognition.hdc.shifts import Shifts
 import numpy as np
 
 _log = logging.getLogger(__name__)
@@ -78,7 +78,7 @@ def _measure_one_form(single: _Filled, rows: int, bandwidth: float) -> Iterator[
 
 
 def _fill(rows: int, forms: int, row_type: str = 'float32') -> _Filled:
-    groups = Displacements(SIDE, SIDE, 0.1).groups if forms > 1 else ()
+    groups = Shifts(SIDE, SIDE, 0.1).groups if forms > 1 else ()
     database = Database(Rows(DIMENSIONS, row_type), forms, True, 'synthetic', groups)
     world = World(rows)
     middle = slice(None) if forms > 1 else slice(SIDE * SIDE // 2, SIDE * SIDE // 2 + 1)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hdc_place_recognition.core.hdc import Hypervector, normalize
+from hdc_place_recognition.hdc.algebra import Hypervector, normalize
 import numpy as np
 
 DIMENSIONS = 4096

@@ -8,7 +8,7 @@ import argparse
 from collections.abc import Sequence
 
 from hdc_place_recognition.cli.run import run_command
-from hdc_place_recognition.params.io import (
+from hdc_place_recognition.params.formats import (
     add_arguments,
     dump_yaml,
     from_arguments,

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hdc_place_recognition.core.entries import Entries
-from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.limit import Forgotten, Limit
 from hdc_place_recognition.core.mean_products import MeanProducts
 from hdc_place_recognition.core.means import Means
@@ -16,6 +15,7 @@ from hdc_place_recognition.core.redundancy import Redundancy
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.core.search import Answer, Question, search_all, search_in_two_stages
 from hdc_place_recognition.features.compact import Landmarks
+from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 
 # Rows from which two stages are worth it. On one core, exact against two stages, under 25

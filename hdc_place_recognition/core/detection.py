@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from hdc_place_recognition.core.camera import Quaternion
-from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.camera import Quaternion
 from hdc_place_recognition.features.compact import Landmarks
+from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 from numpy.typing import NDArray
 

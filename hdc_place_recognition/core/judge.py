@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdc_place_recognition.core.camera import Camera, Quaternion, rotation
+from hdc_place_recognition.camera import Camera, Quaternion, rotation
 from hdc_place_recognition.core.consistency import Consistency
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.detection import Candidate, Description, NOT_VERIFIED, Reason

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
-from hdc_place_recognition.core.camera import Quaternion
-from hdc_place_recognition.core.hdc import Hypervector
+from hdc_place_recognition.camera import Quaternion
+from hdc_place_recognition.hdc.algebra import Hypervector
 from hdc_place_recognition.params.table import Params
 
 

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from hdc_place_recognition.features.compact import keep, Landmarks
-from hdc_place_recognition.features.types import Extractor
+from hdc_place_recognition.features.local_features import Extractor
 from numpy.typing import NDArray
 
 

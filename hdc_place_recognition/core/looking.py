@@ -6,14 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdc_place_recognition.core.descriptor import DescriptorEncoder
-from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.landmarking import Landmarker
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.core.verification import verify
 from hdc_place_recognition.features.compact import Landmarks
-from hdc_place_recognition.features.types import Extractor
+from hdc_place_recognition.features.local_features import Extractor
+from hdc_place_recognition.hdc.algebra import Hypervector
+from hdc_place_recognition.hdc.image_descriptor import DescriptorEncoder
+from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ class Looker:
 
     :param extractor: of local features.
     :param keypoints: extractor of what images are verified by, None to verify none.
-    :param displacements: under which images are encoded.
+    :param shifts: under which images are encoded.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Looker:
         params: Params,
         extractor: Extractor,
         keypoints: Extractor | None,
-        displacements: Displacements,
+        shifts: Shifts,
     ) -> None:
         self._extractor = extractor
         self._landmarker = Landmarker(keypoints, params.threads > 1) if keypoints else None
@@ -57,7 +57,7 @@ class Looker:
             n_y=params.n_y,
             preprocessing=params.preprocessing,
             projection=params.projection,
-            displacements=displacements,
+            shifts=shifts,
             seed=params.seed,
         )
 

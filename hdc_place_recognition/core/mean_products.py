@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from hdc_place_recognition.core.hdc import Hypervector
 from hdc_place_recognition.core.means import Means
 from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 from numpy.typing import NDArray
 

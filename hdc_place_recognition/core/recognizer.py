@@ -7,21 +7,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from hdc_place_recognition.core.camera import Camera
+from hdc_place_recognition.camera import Camera
+from hdc_place_recognition.conversions.pixels import as_uint8
 from hdc_place_recognition.core.database import Database
 from hdc_place_recognition.core.detection import Candidate, Description, Detection, status_of
-from hdc_place_recognition.core.displacements import Displacements
-from hdc_place_recognition.core.images import as_uint8
 from hdc_place_recognition.core.judge import Judge
 from hdc_place_recognition.core.keyframes import KeyframeSelector, no_odometry, Odometry
 from hdc_place_recognition.core.limit import Limit
 from hdc_place_recognition.core.looking import Looker
 from hdc_place_recognition.core.rows import Rows
 from hdc_place_recognition.core.selection import nanoseconds, StampSelector
-from hdc_place_recognition.core.sequence import SequenceBundler
 from hdc_place_recognition.core.stopwatch import Stopwatch
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.types import Extractor
+from hdc_place_recognition.features.local_features import Extractor
+from hdc_place_recognition.hdc.sequence import SequenceBundler
+from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.params.table import Params
 from numpy.typing import NDArray
 
@@ -45,23 +45,21 @@ class PlaceRecognizer:
         rows: Rows | None = None,
     ) -> None:
         self.params = params
-        displacements = Displacements(
-            params.displacements_x, params.displacements_y, params.displacement_step
-        )
+        shifts = Shifts(params.displacements_x, params.displacements_y, params.displacement_step)
         self.database = Database(
             Rows(params.dimensions) if rows is None else rows,
-            len(displacements.offsets),
+            len(shifts.offsets),
             params.center_database,
             extractor.identity,
-            displacements.groups,
+            shifts.groups,
             Limit(params.max_keyframes, params.max_database_mb),
         )
-        self._looker = Looker(params, extractor, keypoints, displacements)
+        self._looker = Looker(params, extractor, keypoints, shifts)
         self._sequence = SequenceBundler(
             dimensions=params.dimensions, length=params.sequence_length, seed=params.seed
         )
         self.selector = StampSelector()
-        self._judge = Judge(displacements.offsets)
+        self._judge = Judge(shifts.offsets)
         self._keyframes = KeyframeSelector()
         self.odometry: Odometry = no_odometry
 

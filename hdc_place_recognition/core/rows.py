@@ -8,9 +8,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from hdc_place_recognition.core import hdc, signs
+from hdc_place_recognition.core import signs
 from hdc_place_recognition.core.room import Memory, Room
 from hdc_place_recognition.core.sign_table import SignTable
+from hdc_place_recognition.hdc import algebra
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,7 +58,7 @@ class Rows:
         vector = self._kind.itemsize * self.dimensions if self._room.resident else 0
         return vector + 8 * signs.words(self.dimensions) + 8
 
-    def add(self, vector: hdc.Hypervector, threshold: hdc.Hypervector) -> None:
+    def add(self, vector: algebra.Hypervector, threshold: algebra.Hypervector) -> None:
         """
         Store a vector in the next place.
 
@@ -74,7 +75,7 @@ class Rows:
         self._count += 1
         self.sign(self._count - 1, threshold)
 
-    def sign(self, place: int, threshold: hdc.Hypervector, count: int = 1) -> None:
+    def sign(self, place: int, threshold: algebra.Hypervector, count: int = 1) -> None:
         """Take the signs of a place, and of some after it in its chunk, against a threshold."""
         chunk, inside = self._at(place)
         some = slice(inside, inside + min(count, self._count - place))
@@ -96,7 +97,7 @@ class Rows:
         while len(self._chunks) > last // _CHUNK_ROWS + 2:
             self._room.give_back(self._chunks.pop().vectors)
 
-    def vector(self, place: int) -> hdc.Hypervector:
+    def vector(self, place: int) -> algebra.Hypervector:
         """Return (d,) float32, a view where it is kept as that."""
         self._look_at(1)
         chunk, inside = self._at(place)
@@ -106,7 +107,9 @@ class Rows:
         """Return (count,) float64, the squared lengths of the first places."""
         return np.concatenate([chunk.squares[:filled] for chunk, filled in self._filled(count)])
 
-    def products(self, probes: hdc.Hypervector, count: int, first: int = 0) -> NDArray[np.float32]:
+    def products(
+        self, probes: algebra.Hypervector, count: int, first: int = 0
+    ) -> NDArray[np.float32]:
         """Return products of places from `first` to `count` with probes (p, d): float32."""
         found = np.empty((count - first, len(probes)), np.float32)
         place = first
@@ -149,7 +152,7 @@ class Rows:
             yield self._chunks[start // _CHUNK_ROWS], min(count - start, _CHUNK_ROWS)
 
 
-def _products(vectors: NDArray[Any], probes: hdc.Hypervector) -> NDArray[np.float32]:
+def _products(vectors: NDArray[Any], probes: algebra.Hypervector) -> NDArray[np.float32]:
     vectors = vectors.astype(np.float32, copy=False)
     if len(probes) > _FEW_PROBES:
         return vectors @ probes.T

@@ -13,10 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from hdc_place_recognition.core import hdc, signs
+from hdc_place_recognition.core import signs
 from hdc_place_recognition.core.mean_products import MeanProducts
 from hdc_place_recognition.core.order import Order
 from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.hdc import algebra
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +61,7 @@ class Question:
     :param means: (s, d) float64.
     """
 
-    query: hdc.Hypervector
+    query: algebra.Hypervector
     means: NDArray[np.float64]
 
     @property
@@ -92,7 +93,7 @@ class Question:
         similarities *= _inverse_lengths(squares - 2 * products[:, -1] + mean @ mean)
         return np.clip(similarities, -1, 1, out=similarities), best.astype(np.uint8)
 
-    def probes(self) -> hdc.Hypervector:
+    def probes(self) -> algebra.Hypervector:
         """Return (s + 1, d) float32: the centred forms and the mean of the rows."""
         return np.concatenate([self.centred, self.means[self.middle][None]]).astype(np.float32)
 
@@ -172,7 +173,7 @@ def _nearest_by_signs(
     groups: tuple[tuple[int, ...], ...],
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """Return the rows to be compared, rising, and estimates (count,) of all similarities."""
-    centred = hdc.normalize(question.centred.astype(np.float32))
+    centred = algebra.normalize(question.centred.astype(np.float32))
     bundles = np.stack([centred[list(group)].sum(axis=0) for group in groups])
     queries = signs.signs(bundles, np.zeros(rows.dimensions, np.float32))
     coarse = order.in_order(rows.signs.coarse(queries, order.extent(count)), count)

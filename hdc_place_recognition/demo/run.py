@@ -23,7 +23,7 @@ from hdc_place_recognition.demo.bag import (
 from hdc_place_recognition.demo.play import Player, raw_messages
 from hdc_place_recognition.demo.score import score
 from hdc_place_recognition.offline.closures import Closures
-from hdc_place_recognition.params.io import NODE_NAME
+from hdc_place_recognition.params.formats import NODE_NAME
 import rclpy
 
 GOOD_RECALL = 0.9

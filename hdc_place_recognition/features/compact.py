@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.types import LocalFeatures
+from hdc_place_recognition.features.local_features import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 

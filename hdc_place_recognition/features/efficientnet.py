@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import cv2
+from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.features.resize import as_bgr, grid, Image, reduce_to_width, restore
-from hdc_place_recognition.features.types import LocalFeatures
 from hdc_place_recognition.networks import onnx_graph, runtime, weights
 from hdc_place_recognition.networks.cache import cached
 import numpy as np

@@ -10,8 +10,8 @@ In the manner of N. Dalal and B. Triggs, "Histograms of Oriented Gradients for H
 from __future__ import annotations
 
 import cv2
+from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.features.resize import as_grey, grid, Image, reduce_to_width, restore
-from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray

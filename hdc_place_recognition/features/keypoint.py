@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
+from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.features.resize import as_grey, Image, reduce_to_width, restore
-from hdc_place_recognition.features.types import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 

@@ -11,7 +11,7 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features import keypoint
 from hdc_place_recognition.features.efficientnet import EfficientNetLite0
 from hdc_place_recognition.features.gradient_grid import GradientGrid
-from hdc_place_recognition.features.types import Extractor
+from hdc_place_recognition.features.local_features import Extractor
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import logging
 from pathlib import Path
 
-from hdc_place_recognition.cameras import camera_from_message
-from hdc_place_recognition.core.camera import Camera
+from hdc_place_recognition.camera import Camera
+from hdc_place_recognition.conversions.camera_info import camera_from_message
+from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.images import image_from_message, stamp_ns
 from hdc_place_recognition.offline.bag_reader import choose_topic, messages, StoredMessage
 from hdc_place_recognition.offline.dataset import Frame
 from hdc_place_recognition.offline.poses import Poses

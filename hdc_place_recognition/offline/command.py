@@ -22,7 +22,7 @@ from hdc_place_recognition.offline.poses import VIEW_AXES
 from hdc_place_recognition.offline.replay import Progress
 from hdc_place_recognition.offline.report import metrics_dict, summary, table
 from hdc_place_recognition.offline.results import write_results
-from hdc_place_recognition.params.io import add_arguments, from_arguments
+from hdc_place_recognition.params.formats import add_arguments, from_arguments
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
-from hdc_place_recognition.core.camera import Camera
+from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.core.keyframes import no_odometry, Odometry
 from hdc_place_recognition.params.table import Value
 import numpy as np

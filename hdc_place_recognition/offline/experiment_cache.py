@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import replace
 import hashlib
 
-from hdc_place_recognition.features.types import Extractor, LocalFeatures
+from hdc_place_recognition.features.local_features import Extractor, LocalFeatures
 from hdc_place_recognition.offline.dataset import Dataset, Frame, Frames
 import numpy as np
 from numpy.typing import NDArray

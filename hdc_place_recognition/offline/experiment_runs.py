@@ -12,8 +12,8 @@ from time import perf_counter
 
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.local_features import Extractor
 from hdc_place_recognition.features.registry import create_extractor
-from hdc_place_recognition.features.types import Extractor
 from hdc_place_recognition.offline.dataset import Dataset
 from hdc_place_recognition.offline.evaluate import evaluate
 from hdc_place_recognition.offline.experiment_cache import in_memory, KeepingExtractor

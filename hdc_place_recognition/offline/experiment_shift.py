@@ -9,13 +9,13 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from hdc_place_recognition.core.displacements import Displacements
 from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.offline.dataset import Dataset, Frames, Mode
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params.io import add_arguments, from_arguments
+from hdc_place_recognition.params.formats import add_arguments, from_arguments
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ COLUMNS = ('dx_px_640', 'dy_px_640')
 
 
 @dataclass(frozen=True)
-class Shifts:
+class MeasuredShifts:
     """
     Shift of each query against the reference image of the same place.
 
@@ -105,7 +105,7 @@ def read_displacements(file: Path) -> dict[int, tuple[float, float]]:
 
 def estimate(
     dataset: Dataset, measured: dict[int, tuple[float, float]], recognizer: PlaceRecognizer
-) -> Shifts:
+) -> MeasuredShifts:
     """
     Estimate the shifts of the places that were measured.
 
@@ -126,7 +126,7 @@ def estimate(
     rows = _learn(dataset.reference, recognizer)
     recognizer.start_sequence()
     params = recognizer.params
-    offsets = Displacements(
+    offsets = Shifts(
         params.displacements_x, params.displacements_y, params.displacement_step
     ).offsets
     shares, shifts = [], []
@@ -144,10 +144,10 @@ def estimate(
             f'{dataset.name}: {len(shifts)} places show features in both traverses; '
             'two or more are needed'
         )
-    return Shifts(np.array(shares) / WIDTH_PX, np.array(shifts, np.float64))
+    return MeasuredShifts(np.array(shares) / WIDTH_PX, np.array(shifts, np.float64))
 
 
-def table(name: str, shifts: Shifts) -> str:
+def table(name: str, shifts: MeasuredShifts) -> str:
     """Return correlation and errors of both axes as lines for people."""
     lines = [
         f'{name}: {len(shifts.measured)} true pairs; shift = position in the query less position '

@@ -18,7 +18,7 @@ from hdc_place_recognition.offline.experiment_tables import markdown
 from hdc_place_recognition.offline.experiment_variants import VARIANTS
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
-from hdc_place_recognition.params.io import add_arguments, from_arguments
+from hdc_place_recognition.params.formats import add_arguments, from_arguments
 from hdc_place_recognition.params.table import Value
 
 # Every image is stored, and similarities alone are ranked.

@@ -9,8 +9,8 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
+from hdc_place_recognition.conversions.image import Bytes, image_from_message
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.images import Bytes, image_from_message
 from hdc_place_recognition.offline.dataset import Frame, Stamps
 from hdc_place_recognition.offline.poses import Poses
 import numpy as np

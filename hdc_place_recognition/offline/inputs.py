@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from hdc_place_recognition.core.camera import Camera
+from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.core.keyframes import no_odometry, Odometry
 from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.errors import PlaceRecognitionError

@@ -12,7 +12,7 @@ from pathlib import Path
 from hdc_place_recognition.offline.evaluate import Evaluation
 from hdc_place_recognition.offline.metrics import best_match_curve, precision_recall
 from hdc_place_recognition.offline.report import metrics_dict
-from hdc_place_recognition.params.io import dump_yaml
+from hdc_place_recognition.params.formats import dump_yaml
 
 CANDIDATE_COLUMNS = (
     'query_stamp_ns',

@@ -19,7 +19,7 @@ from hdc_place_recognition.offline.groundtruth import MatrixTruth
 from hdc_place_recognition.offline.inputs import open_dataset
 from hdc_place_recognition.offline.options import Options
 from hdc_place_recognition.offline.plots import draw_calibration, require_matplotlib
-from hdc_place_recognition.params.io import add_arguments, from_arguments
+from hdc_place_recognition.params.formats import add_arguments, from_arguments
 from hdc_place_recognition.pipeline import create_recognizer
 import numpy as np
 

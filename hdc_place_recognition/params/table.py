@@ -29,13 +29,15 @@ class Spec:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
+    odd: bool = False
     live: bool = False
 
     def allowed(self) -> str:
         """Return the range or the choices in words, '' if anything of the type will do."""
         if self.choices:
             return ', '.join(self.choices)
-        return '' if self.low is None else f'{self.low:g} to {self.high:g}'
+        odd = ', odd' if self.odd else ''
+        return '' if self.low is None else f'{self.low:g} to {self.high:g}{odd}'
 
 
 def param(default: Default, doc: str, **details: Any) -> Default:
@@ -79,6 +81,8 @@ def _within(limits: Spec, value: object) -> bool:
         return value in limits.choices
     if limits.low is None or limits.high is None or not isinstance(value, int | float):
         return True
+    if limits.odd and value % 2 == 0:
+        return False
     return math.isfinite(value) and limits.low <= value <= limits.high
 
 
@@ -128,14 +132,15 @@ class Params:
     )
     displacements_x: int = param(
         5,
-        'Horizontal displacements, odd, under which an image is compared; 1 is none.',
+        'Horizontal shifts of an image under which it is compared; 1: not shifted.',
         low=1,
         high=15,
+        odd=True,
     )
-    displacements_y: int = param(5, 'Vertical displacements, odd; 1 is none.', low=1, high=15)
+    displacements_y: int = param(5, 'Vertical shifts; 1: not shifted.', low=1, high=15, odd=True)
     displacement_step: float = param(
         0.1,
-        'From one displacement to the next, as a share of the image.',
+        'Distance from one shift to the next, as a share of width or height.',
         low=0.0,
         high=0.5,
     )

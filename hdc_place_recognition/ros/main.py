@@ -11,7 +11,7 @@ import sys
 from types import FrameType
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params.io import NODE_NAME
+from hdc_place_recognition.params.formats import NODE_NAME
 from hdc_place_recognition.ros.node import PlaceRecognitionNode
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hdc_place_recognition.core.camera import Quaternion
+from hdc_place_recognition.camera import Quaternion
 from hdc_place_recognition.core.detection import Candidate, Reason
 from hdc_place_recognition.odometry import Position
 import numpy as np

@@ -7,14 +7,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from hdc_place_recognition.cameras import camera_from_message
+from hdc_place_recognition.conversions.camera_info import camera_from_message
+from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
 from hdc_place_recognition.core.detection import Candidate, Detection, Status
 from hdc_place_recognition.core.keyframes import Pose
 from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.images import image_from_message, stamp_ns
 from hdc_place_recognition.odometry import KeyframePositions
-from hdc_place_recognition.params.io import NODE_NAME
+from hdc_place_recognition.params.formats import NODE_NAME
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.pipeline import create_recognizer
 from hdc_place_recognition.ros.diagnostics import Diagnostics

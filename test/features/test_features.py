@@ -9,6 +9,7 @@ import cv2
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.gradient_grid import cell_histograms, oriented_gradients
 from hdc_place_recognition.features.keypoint import root, signs
+from hdc_place_recognition.features.local_features import Extractor, LocalFeatures
 from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
 from hdc_place_recognition.features.resize import (
     as_bgr,
@@ -17,7 +18,6 @@ from hdc_place_recognition.features.resize import (
     reduce_to_width,
     restore,
 )
-from hdc_place_recognition.features.types import Extractor, LocalFeatures
 from hdc_place_recognition.params.table import Params, spec
 import numpy as np
 from numpy.typing import NDArray

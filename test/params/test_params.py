@@ -9,7 +9,7 @@ from pathlib import Path
 from conftest import ROOT
 from hdc_place_recognition.cli.params import main
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.params.io import (
+from hdc_place_recognition.params.formats import (
     add_arguments,
     dump_yaml,
     from_arguments,
@@ -116,6 +116,12 @@ def test_defaults_then_file_then_flags(tmp_path):
     assert arguments('--n-x', '7', '--params-file', path) == CHANGED.replace(n_x=7)
     assert arguments('--no-center-database').center_database is False
     assert arguments('--min-score', '1').min_score == 1.0
+
+
+@pytest.mark.parametrize('name', ['displacements_x', 'displacements_y'])
+def test_an_even_count_of_shifts_is_refused(name):
+    with pytest.raises(PlaceRecognitionError, match=f'{name}: 4 is outside 1 to 15, odd'):
+        Params().replace(**{name: 4})
 
 
 def test_config_file_is_up_to_date():

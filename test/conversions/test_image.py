@@ -6,8 +6,12 @@ from array import array
 from types import SimpleNamespace
 
 import cv2
+from hdc_place_recognition.conversions.image import (
+    image_from_message,
+    stamp_ns,
+    SUPPORTED_ENCODINGS,
+)
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.images import image_from_message, stamp_ns, SUPPORTED_ENCODINGS
 import numpy as np
 import pytest
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
-from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.conversions.pixels import as_uint8
 import numpy as np
 from numpy.typing import NDArray
 

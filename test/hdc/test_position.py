@@ -2,16 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Eq. 1-2 of the paper."""
 
-from hdc_place_recognition.core import hdc
-from hdc_place_recognition.core.positions import PositionEncoder
+from collections.abc import Iterable
+
+from hdc_place_recognition.features.local_features import LocalFeatures
+from hdc_place_recognition.hdc import algebra
+from hdc_place_recognition.hdc.position import PositionEncoder
 import numpy as np
 import pytest
 
 ENCODER = PositionEncoder(dimensions=4096, n_x=4, n_y=6, seed=0)
 
 
-def encode(*points: tuple[float, float], width: int = 101, height: int = 61) -> hdc.Hypervector:
-    return ENCODER.encode(np.array(points, np.float32), width, height)
+def at(points: Iterable[tuple[float, float]], width: int, height: int) -> LocalFeatures:
+    """Return features at some points, in pixels."""
+    keypoints = np.array(list(points), np.float32)
+    return LocalFeatures(keypoints, np.ones((len(keypoints), 1), np.float32), width, height)
+
+
+def encode(
+    *points: tuple[float, float], width: int = 101, height: int = 61
+) -> algebra.Hypervector:
+    return ENCODER.encode(at(points, width, height))
 
 
 def test_split_by_hand():
@@ -23,7 +34,7 @@ def test_split_by_hand():
     assert splits_y.left.tolist() == [0] and splits_y.alpha.tolist() == [8]
     x = np.concatenate([encoder.basis_x[1, :6], encoder.basis_x[2, 6:]])
     expected = x * encoder.basis_y[0]
-    assert np.array_equal(encoder.encode(np.array([[5, 0]], np.float32), 9, 9)[0], expected)
+    assert np.array_equal(encoder.encode(at([(5, 0)], 9, 9))[0], expected)
 
 
 @pytest.mark.parametrize('size', [1, 7, 8, 100])
@@ -31,7 +42,7 @@ def test_blocks_show_what_equation_2_says(size):
     encoder = PositionEncoder(dimensions=30, n_x=3, n_y=2, seed=0)
     splits = encoder.splits_x(np.linspace(-1, 101, 60, dtype=np.float32).reshape(3, 20), 101)
     assert {0, 30} <= set(splits.alpha.ravel())
-    blocks = list(hdc.blocks(30, size))
+    blocks = list(algebra.blocks(30, size))
     shown = np.concatenate([splits.show(encoder.basis_x, each) for each in blocks], axis=-1)
     on_the_left = np.arange(30) < splits.alpha[..., None]
     left, right = encoder.basis_x[splits.left], encoder.basis_x[splits.left + 1]
@@ -67,7 +78,7 @@ def test_entries_are_signs():
 def test_similarity_falls_with_distance_across_borders():
     xs = [40, 42, 45, 50, 55, 60, 65]
     vectors = encode(*[(x, 30) for x in xs])
-    similarities = hdc.cosine_similarity(vectors[0], vectors)
+    similarities = algebra.cosine_similarity(vectors[0], vectors)
     assert similarities[0] == pytest.approx(1)
     assert np.all(np.diff(similarities) < 0)
     # A subinterval is 25 px: at 10 px, over the border at 50, 15/25 of the dimensions agree.
@@ -78,12 +89,15 @@ def test_similarity_falls_with_distance_across_borders():
 def test_smooth_over_a_border():
     xs = np.arange(40, 61)
     vectors = encode(*[(x, 30) for x in xs])
-    steps = hdc.cosine_similarity(vectors[:-1], vectors[1:])
+    steps = algebra.cosine_similarity(vectors[:-1], vectors[1:])
     assert steps.min() > 0.93 and np.ptp(steps) < 0.04
 
 
 def test_outside_and_degenerate_images():
     assert np.array_equal(encode((-5, 70)), encode((0, 60)))
-    single = ENCODER.encode(np.zeros((1, 2), np.float32), 1, 1)
+    single = encode((0, 0), width=1, height=1)
     assert set(np.unique(single)) == {-1, 1}
-    assert ENCODER.encode(np.empty((0, 2), np.float32), 10, 10).shape == (0, 4096)
+    assert ENCODER.encode(LocalFeatures(*[np.empty((0, 2), np.float32)] * 2, 10, 10)).shape == (
+        0,
+        4096,
+    )

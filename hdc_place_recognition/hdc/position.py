@@ -6,7 +6,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdc_place_recognition.core import hdc
+from hdc_place_recognition.features.local_features import LocalFeatures
+from hdc_place_recognition.hdc import algebra
+from hdc_place_recognition.hdc.algebra import Hypervector, MAP, VSA
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,12 +25,12 @@ class Splits:
     left: NDArray[np.intp]
     alpha: NDArray[np.intp]
 
-    def show(self, basis: hdc.Hypervector, block: slice) -> hdc.Hypervector:
+    def show(self, basis: Hypervector, block: slice) -> Hypervector:
         """
-        Return what positions show in a block of dimensions (Eq. 2), (..., t) float32.
+        Return the elements of the positions in a block of dimensions (Eq. 2), (..., t) float32.
 
-        Most of them show one basis vector throughout a short block; only those that change to
-        the right one within it are looked at dimension by dimension.
+        In a short block most positions use one basis vector; only those that change to the right
+        one inside the block are computed dimension by dimension.
         """
         shown = basis[:, block].take(self.left + (self.alpha <= block.start), axis=0)
         changes = (self.alpha > block.start) & (self.alpha < block.stop)
@@ -43,42 +45,39 @@ class PositionEncoder:
     Encodes positions (x, y) as P = X * Y (Eq. 1-2).
 
     Each axis is divided into equal subintervals, with a random basis vector on every border. A
-    position shows the left basis vector of its subinterval up to dimension alpha, and the right
-    one from there on: near positions share most of their dimensions, also across borders.
+    position takes its dimensions up to alpha from the left basis vector of its subinterval, and
+    the others from the right one: near positions share most dimensions, also across borders.
 
     :param dimensions: d, length of the vectors.
     :param n_x: horizontal subintervals, hence n_x + 1 basis vectors.
     :param n_y: vertical subintervals.
     :param seed: of the basis vectors.
+    :param vsa: the architecture of the vectors.
     """
 
-    def __init__(self, *, dimensions: int, n_x: int, n_y: int, seed: int) -> None:
-        self.dimensions, self.n_x, self.n_y = dimensions, n_x, n_y
-        self.basis_x = hdc.random_vectors(n_x + 1, dimensions, np.random.default_rng([seed, 0]))
-        self.basis_y = hdc.random_vectors(n_y + 1, dimensions, np.random.default_rng([seed, 1]))
+    def __init__(self, *, dimensions: int, n_x: int, n_y: int, seed: int, vsa: VSA = MAP) -> None:
+        self.dimensions, self.n_x, self.n_y, self._vsa = dimensions, n_x, n_y, vsa
+        rng_x, rng_y = (np.random.default_rng([seed, axis]) for axis in (0, 1))
+        self.basis_x = vsa.random_vectors(n_x + 1, dimensions, rng_x)
+        self.basis_y = vsa.random_vectors(n_y + 1, dimensions, rng_y)
 
-    def encode(self, keypoints: NDArray[np.float32], width: int, height: int) -> hdc.Hypervector:
-        """
-        Return the vectors P of positions.
+    def encode(self, features: LocalFeatures) -> Hypervector:
+        """Return (k, d) float32, the role vector P of the position of each feature (Eq. 1)."""
+        x, y = features.keypoints.T
+        vectors_x = self.encode_x(x, features.width)
+        return self._vsa.bind(vectors_x, self.encode_y(y, features.height))
 
-        :param keypoints: (k, 2) pixels, x right and y down, 0 at the first pixel's centre.
-        :return: (k, d) float32 of -1 and 1.
-        """
-        return hdc.bind(
-            self.encode_x(keypoints[:, 0], width), self.encode_y(keypoints[:, 1], height)
-        )
-
-    def encode_x(self, x: NDArray[np.float32], width: int) -> hdc.Hypervector:
+    def encode_x(self, x: NDArray[np.float32], width: int) -> Hypervector:
         """Return the vectors X of (...) horizontal positions in pixels, as (..., d) float32."""
         return self.splits_x(x, width).show(self.basis_x, slice(0, self.dimensions))
 
-    def encode_y(self, y: NDArray[np.float32], height: int) -> hdc.Hypervector:
+    def encode_y(self, y: NDArray[np.float32], height: int) -> Hypervector:
         """Return the vectors Y of (...) vertical positions in pixels, as (..., d) float32."""
         return self.splits_y(y, height).show(self.basis_y, slice(0, self.dimensions))
 
-    def nodes(self, block: slice) -> hdc.Hypervector:
+    def nodes(self, block: slice) -> Hypervector:
         """Return all pairs of basis vectors, bound, in a block: (n_x + 1)(n_y + 1), y fastest."""
-        pairs = hdc.bind(self.basis_x[:, None, block], self.basis_y[None, :, block])
+        pairs = algebra.bind(self.basis_x[:, None, block], self.basis_y[None, :, block])
         return pairs.reshape(-1, pairs.shape[-1])
 
     def splits_x(self, x: NDArray[np.float32], width: int) -> Splits:

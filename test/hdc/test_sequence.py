@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sequences: bound to their places, only the past."""
 
-from hdc_place_recognition.core import hdc
-from hdc_place_recognition.core.sequence import SequenceBundler
+from hdc_place_recognition.hdc import algebra
+from hdc_place_recognition.hdc.sequence import SequenceBundler
 import numpy as np
 import pytest
 
-IMAGES = hdc.normalize(np.random.default_rng(0).standard_normal((9, 4096)).astype(np.float32))
+IMAGES = algebra.normalize(np.random.default_rng(0).standard_normal((9, 4096)).astype(np.float32))
 
 
-def run(images: hdc.Hypervector, length: int = 3) -> list[hdc.Hypervector]:
+def run(images: algebra.Hypervector, length: int = 3) -> list[algebra.Hypervector]:
     bundler = SequenceBundler(dimensions=4096, length=length, seed=0)
     return [bundler.push(image) for image in images]
 
@@ -25,12 +25,12 @@ def test_same_sequence_is_the_same():
 def test_order_matters():
     forward, backward = run(IMAGES[:3])[-1], run(IMAGES[2::-1])[-1]
     # The middle image keeps its place: a third remains.
-    assert hdc.cosine_similarity(forward, backward) == pytest.approx(1 / 3, abs=0.06)
+    assert algebra.cosine_similarity(forward, backward) == pytest.approx(1 / 3, abs=0.06)
 
 
 def test_one_image_of_three():
     other = np.stack([IMAGES[5], IMAGES[6], IMAGES[2]])
-    assert hdc.cosine_similarity(run(IMAGES[:3])[-1], run(other)[-1]) == pytest.approx(
+    assert algebra.cosine_similarity(run(IMAGES[:3])[-1], run(other)[-1]) == pytest.approx(
         1 / 3, abs=0.06
     )
 
@@ -41,8 +41,8 @@ def test_only_the_past_is_used():
 
 def test_length_one_keeps_similarities():
     vectors = run(IMAGES, length=1)
-    assert hdc.cosine_similarity(vectors[0], vectors[1]) == pytest.approx(
-        hdc.cosine_similarity(IMAGES[0], IMAGES[1]), abs=1e-6
+    assert algebra.cosine_similarity(vectors[0], vectors[1]) == pytest.approx(
+        algebra.cosine_similarity(IMAGES[0], IMAGES[1]), abs=1e-6
     )
 
 

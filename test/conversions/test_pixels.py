@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests of the scaling to 8 bits, with values written out by hand."""
 
-from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.conversions.pixels import as_uint8
 from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 import pytest

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from hdc_place_recognition.core import hdc
+from hdc_place_recognition.hdc import algebra
+from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 
 
@@ -22,10 +23,10 @@ class SequenceBundler:
 
     def __init__(self, *, dimensions: int, length: int, seed: int) -> None:
         rng = np.random.default_rng([seed, 2])
-        self._places = hdc.random_vectors(length, dimensions, rng)
-        self._recent: deque[hdc.Hypervector] = deque(maxlen=length)
+        self._places = algebra.random_vectors(length, dimensions, rng)
+        self._recent: deque[Hypervector] = deque(maxlen=length)
 
-    def push(self, descriptor: hdc.Hypervector) -> hdc.Hypervector:
+    def push(self, descriptor: Hypervector) -> Hypervector:
         """
         Return the vector of the sequence that ends with this image.
 
@@ -33,8 +34,8 @@ class SequenceBundler:
         :return: (..., d) float32, unit length; zeros if all of the sequence is.
         """
         self._recent.appendleft(descriptor)
-        bound = [hdc.bind(*pair) for pair in zip(self._recent, self._places, strict=False)]
-        return hdc.normalize(hdc.bundle(np.stack(bound)))
+        bound = [algebra.bind(*pair) for pair in zip(self._recent, self._places, strict=False)]
+        return algebra.normalize(algebra.bundle(np.stack(bound)))
 
     def clear(self) -> None:
         """Forget the images so far: the next one begins a new sequence."""

@@ -13,9 +13,9 @@ from array import array
 from typing import Any, Protocol, TypeAlias
 
 import cv2
-from hdc_place_recognition.core.images import as_uint8
+from hdc_place_recognition.conversions.image_encodings import Encoding, ENCODINGS, Plane
+from hdc_place_recognition.conversions.pixels import as_uint8
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.image_encodings import Encoding, ENCODINGS, Plane
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,7 +59,7 @@ def image_from_message(message: ImageMessage | CompressedMessage) -> NDArray[np.
 
     16-bit luminance, colours and Bayer patterns are full scale (65535 becomes 255); 16UC1, 16SC1
     and floats are stretched from their least to their greatest finite value; see
-    `hdc_place_recognition.core.images.as_uint8`. An EXIF orientation is ignored.
+    `hdc_place_recognition.conversions.pixels.as_uint8`. An EXIF orientation is ignored.
 
     :param message: An image of one of `SUPPORTED_ENCODINGS`, or one with a `format`: JPEG, PNG or
         what else OpenCV decodes.
