@@ -62,8 +62,8 @@ setup(
     entry_points={
         'console_scripts': [
             'place_recognition_node = hdc_place_recognition.ros.main:main',
-            'hdc_evaluate = hdc_place_recognition.offline.command:main',
-            'hdc_experiments = hdc_place_recognition.offline.experiments:main',
+            'hdc_evaluate = hdc_place_recognition.cli.evaluate:main',
+            'hdc_experiments = hdc_place_recognition.cli.experiments:main',
             'hdc_benchmark = hdc_place_recognition.benchmark.command:main',
             'hdc_demo = hdc_place_recognition.demo.run:main',
             'hdc_params = hdc_place_recognition.cli.params:main',

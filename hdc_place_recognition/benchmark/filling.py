@@ -14,13 +14,13 @@ import sys
 from time import perf_counter
 
 from hdc_place_recognition.benchmark.vectors import Crowd, DIMENSIONS, SIDE
-from hdc_place_recognition.core.database import Database
-from hdc_place_recognition.core.limit import Limit
-from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.database.eviction import Limit
+from hdc_place_recognition.database.memory import Database
+from hdc_place_recognition.database.storage import RowFile
+from hdc_place_recognition.database.vector_store import Rows
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.compact import Landmarks
 from hdc_place_recognition.hdc.shifts import Shifts
-from hdc_place_recognition.row_file import RowFile
 import numpy as np
 from numpy.typing import NDArray
 

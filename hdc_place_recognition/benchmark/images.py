@@ -17,7 +17,7 @@ from hdc_place_recognition.benchmark.timing import (
 )
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
-from hdc_place_recognition.pipeline import create_recognizer
+from hdc_place_recognition.recognition.factory import create_recognizer
 import numpy as np
 from numpy.typing import NDArray
 

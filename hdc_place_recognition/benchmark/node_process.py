@@ -13,10 +13,10 @@ from typing import Any
 
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.vectors import World
-from hdc_place_recognition.core.recognizer import PlaceRecognizer
 from hdc_place_recognition.features.compact import Landmarks
 from hdc_place_recognition.hdc.algebra import normalize
 from hdc_place_recognition.params.table import Params
+from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
 from hdc_place_recognition.ros.main import main as run_node
 from hdc_place_recognition.ros.node import PlaceRecognitionNode
 import numpy as np

@@ -18,8 +18,8 @@ from hdc_place_recognition.benchmark.timing import (
     milliseconds,
 )
 from hdc_place_recognition.benchmark.vectors import DIMENSIONS, SIDE, World
-from hdc_place_recognition.core.database import Database, TWO_STAGES_FROM
-from hdc_place_recognition.core.rows import Rows
+from hdc_place_recognition.database.memory import Database, TWO_STAGES_FROM
+from hdc_place_recognition.database.vector_store import Rows
 from hdc_place_recognition.hdc.algebra import Hypervector
 from hdc_place_recognition.hdc.shifts import Shifts
 import numpy as np

@@ -9,10 +9,10 @@ from pathlib import Path
 import time
 
 from hdc_place_recognition.conversions.image import stamp_ns
-from hdc_place_recognition.core.detection import Candidate
 from hdc_place_recognition.demo.bag import CAMERA_INFO_TOPIC, IMAGE_TOPIC, ODOMETRY_TOPIC
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.formats import NODE_NAME
+from hdc_place_recognition.results import Candidate
 from hdc_place_recognition.ros.messages import read_candidates
 from nav_msgs.msg import Odometry
 import rclpy

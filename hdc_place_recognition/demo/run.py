@@ -22,7 +22,7 @@ from hdc_place_recognition.demo.bag import (
 )
 from hdc_place_recognition.demo.play import Player, raw_messages
 from hdc_place_recognition.demo.score import score
-from hdc_place_recognition.offline.closures import Closures
+from hdc_place_recognition.evaluation.metrics import Closures
 from hdc_place_recognition.params.formats import NODE_NAME
 import rclpy
 

@@ -7,13 +7,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from hdc_place_recognition.core.detection import Candidate
-from hdc_place_recognition.core.selection import nanoseconds
-from hdc_place_recognition.offline.bags import read_poses
-from hdc_place_recognition.offline.closures import Closures, count_closures
-from hdc_place_recognition.offline.groundtruth import PoseTruth
-from hdc_place_recognition.offline.options import Options
+from hdc_place_recognition.datasets.bags import read_poses
+from hdc_place_recognition.datasets.ground_truth import PoseTruth
+from hdc_place_recognition.datasets.open_dataset import Options
+from hdc_place_recognition.evaluation.metrics import Closures, count_closures
 from hdc_place_recognition.params.table import Params
+from hdc_place_recognition.recognition.frame_filter import nanoseconds
+from hdc_place_recognition.results import Candidate
 import numpy as np
 
 

@@ -1,3 +1,3 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Room params."""
+"""The table of parameters, and its forms: YAML, flags, Markdown."""

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hdc_place_recognition.camera import Quaternion
-from hdc_place_recognition.core.detection import Candidate, Reason
-from hdc_place_recognition.odometry import Position
+from hdc_place_recognition.results import Candidate, Reason
+from hdc_place_recognition.ros.keyframe_positions import Position
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField

@@ -9,16 +9,16 @@ from typing import Any
 
 from hdc_place_recognition.conversions.camera_info import camera_from_message
 from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
-from hdc_place_recognition.core.detection import Candidate, Detection, Status
-from hdc_place_recognition.core.keyframes import Pose
-from hdc_place_recognition.core.selection import nanoseconds
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.odometry import KeyframePositions
 from hdc_place_recognition.params.formats import NODE_NAME
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.pipeline import create_recognizer
+from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.frame_filter import nanoseconds
+from hdc_place_recognition.recognition.keyframes import Pose
+from hdc_place_recognition.results import Candidate, Detection, Status
 from hdc_place_recognition.ros.diagnostics import Diagnostics
 from hdc_place_recognition.ros.image_input import ImageInput
+from hdc_place_recognition.ros.keyframe_positions import KeyframePositions
 from hdc_place_recognition.ros.messages import candidates_message, PublishedCandidate
 from hdc_place_recognition.ros.node_statistics import Statistics
 from hdc_place_recognition.ros.parameters import RosParameters, unknown_overrides

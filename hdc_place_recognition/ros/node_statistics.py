@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 import math
 
-from hdc_place_recognition.core.detection import Detection, PASSED_OVER, Reason, Status
+from hdc_place_recognition.results import Detection, PASSED_OVER, Reason, Status
 
 # Weight of the newest image in the running means of milliseconds.
 _NEWEST = 0.1

@@ -1,3 +1,0 @@
-# Copyright 2026 hdc_place_recognition contributors
-# SPDX-License-Identifier: Apache-2.0
-"""The same recogniser on recorded images: bags, folders, ground truth, metrics, results."""

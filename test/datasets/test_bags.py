@@ -1,0 +1,269 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Images and poses from bags that the tests write."""
+
+from bag_messages import (
+    CAMERA,
+    camera_info,
+    header,
+    image,
+    images_bag,
+    odometry,
+    path_message,
+    pose_stamped,
+    S,
+    START,
+    STORE,
+    STORE1,
+    write_bag,
+)
+from hdc_place_recognition.datasets import bags
+from hdc_place_recognition.datasets.bag_reader import topics
+from hdc_place_recognition.errors import PlaceRecognitionError
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+
+@pytest.mark.parametrize('plugin', list(StoragePlugin))
+@pytest.mark.parametrize('bare', [False, True], ids=['folder', 'bare file'])
+def test_images_and_exact_header_stamps(tmp_path, plugin, bare):
+    stamps = [START, START + 1, START + S]
+    bag = images_bag(tmp_path / 'bag', stamps, plugin)
+    if bare:
+        (bag,) = (file for file in bag.iterdir() if file.suffix in ('.db3', '.mcap'))
+    images = bags.BagImages.from_bag(bag)
+    assert images.topic == CAMERA
+    assert len(images) == 3
+    for _ in range(2):  # can be gone through again
+        frames = list(images)
+        assert [stamp for stamp, _ in frames] == stamps
+        assert [frame.shape for _, frame in frames] == [(4, 6)] * 3
+        assert [int(frame.min()) for _, frame in frames] == [0, 1, 2]
+
+
+def test_ros1_bag(tmp_path):
+    path = tmp_path / 'old.bag'
+    kind = 'sensor_msgs/msg/Image'
+    with Writer1(path) as writer:
+        connection = writer.add_connection(CAMERA, kind, typestore=STORE1)
+        message = image(START, 7, store=STORE1)
+        writer.write(connection, 5 * S, STORE1.serialize_ros1(message, kind))
+    ((stamp, frame),) = bags.BagImages.from_bag(path)
+    assert stamp == START
+    assert (frame == 7).all()
+
+
+def test_compressed_images(tmp_path):
+    cv2 = pytest.importorskip('cv2')
+    sent = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+    message = STORE.types['sensor_msgs/msg/CompressedImage'](
+        header=header(START),
+        format='bgr8; png compressed bgr8',
+        data=cv2.imencode('.png', sent)[1],
+    )
+    bag = write_bag(tmp_path / 'bag', [('/camera/image_raw/compressed', message)])
+    ((_, frame),) = bags.BagImages.from_bag(bag)
+    np.testing.assert_array_equal(frame, sent)
+
+
+def test_several_image_topics_are_listed_to_be_copied(tmp_path):
+    bag = write_bag(tmp_path / 'bag', [('/right', image(1)), ('/left', image(2))])
+    with pytest.raises(PlaceRecognitionError, match=r'use --topic /left \| --topic /right$'):
+        bags.BagImages.from_bag(bag)
+    with pytest.raises(PlaceRecognitionError, match=r'no .* topic /top; use --topic /left'):
+        bags.BagImages.from_bag(bag, '/top')
+    assert [stamp for stamp, _ in bags.BagImages.from_bag(bag, '/right')] == [1]
+
+
+def test_no_image_topic(tmp_path):
+    bag = write_bag(tmp_path / 'bag', [('/odom', odometry(START, 0.0))])
+    with pytest.raises(PlaceRecognitionError, match='no topic of type Image or CompressedImage'):
+        bags.BagImages.from_bag(bag)
+
+
+def test_image_topic_without_messages(tmp_path):
+    bag = write_bag(
+        tmp_path / 'bag', [('/p', pose_stamped(1, 0.0))], empty=[(CAMERA, 'sensor_msgs/msg/Image')]
+    )
+    with pytest.raises(PlaceRecognitionError, match=f'topic {CAMERA} has no messages'):
+        bags.BagImages.from_bag(bag)
+
+
+def damaged(bag, how):
+    """Damage the file with the messages."""
+    (file,) = (each for each in bag.iterdir() if each.suffix in ('.db3', '.mcap'))
+    data = file.read_bytes()
+    if how == 'empty':
+        file.write_bytes(b'')
+    elif how == 'truncated':
+        file.write_bytes(data[: len(data) // 2])
+    elif how == 'garbage':
+        file.write_bytes(b'\x5a' * len(data))
+    elif how == 'missing':
+        file.unlink()
+    return bag
+
+
+@pytest.mark.parametrize('plugin', list(StoragePlugin))
+@pytest.mark.parametrize('how', ['empty', 'truncated', 'garbage', 'missing'])
+@pytest.mark.parametrize('bare', [False, True], ids=['folder', 'bare file'])
+def test_damaged_bag_is_one_line(tmp_path, plugin, how, bare):
+    bag = images_bag(tmp_path / 'bag', [n * S for n in range(1, 500)], plugin)
+    (file,) = (each for each in bag.iterdir() if each.suffix in ('.db3', '.mcap'))
+    damaged(bag, how)
+    path = file if bare else bag
+    with pytest.raises(PlaceRecognitionError, match=r'cannot be read|has no topic') as caught:
+        list(bags.BagImages.from_bag(path))
+    assert str(path) in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_pages_damaged_in_the_middle_are_one_line(tmp_path):
+    bag = images_bag(tmp_path / 'bag', [n * S for n in range(1, 500)])
+    (file,) = bag.glob('*.db3')
+    data = bytearray(file.read_bytes())
+    middle = len(data) // 2 // 4096 * 4096
+    end = middle + 4 * 4096
+    data[middle:end] = b'\xff' * (end - middle)
+    file.write_bytes(data)
+    with pytest.raises(PlaceRecognitionError, match='cannot be read'):
+        list(bags.BagImages.from_bag(bag))
+
+
+@pytest.mark.parametrize('name', ['nothing', 'nothing.mcap', 'nothing.db3', 'nothing.bag'])
+def test_missing_bag(tmp_path, name):
+    with pytest.raises(PlaceRecognitionError, match=f'{name} cannot be read'):
+        bags.BagImages.from_bag(tmp_path / name)
+
+
+def test_no_bag_at_all(tmp_path):
+    file = tmp_path / 'notes.txt'
+    file.write_text('hello')
+    with pytest.raises(PlaceRecognitionError, match='cannot be read'):
+        bags.BagImages.from_bag(file)
+
+
+@pytest.mark.parametrize('content', ['', 'a: [', 'rosbag2_bagfile_information: 3', '\x00'])
+def test_bad_metadata(tmp_path, content):
+    bag = images_bag(tmp_path / 'bag', [START])
+    (bag / 'metadata.yaml').write_text(content)
+    with pytest.raises(PlaceRecognitionError, match='cannot be read'):
+        bags.BagImages.from_bag(bag)
+
+
+def short_cdr(stamp_ns):
+    return bytes(STORE.serialize_cdr(image(stamp_ns), 'sensor_msgs/msg/Image'))[:30]
+
+
+BAD_MESSAGES = [
+    pytest.param(
+        image(START + 1, size=23), r'stamp \d+1638 ns: .*24 bytes.*23', 1, id='short data'
+    ),
+    pytest.param(
+        short_cdr(START + 1), r'30 bytes are no sensor_msgs/msg/Image', 1, id='short cdr'
+    ),
+    pytest.param(image(START), f'stamp {START} ns repeats', 0, id='repeated'),
+    pytest.param(image(START - 1), rf'{START - 1} ns goes back .* {START} ns', 0, id='goes back'),
+]
+
+
+@pytest.mark.parametrize('bad, reason, lost', BAD_MESSAGES)
+def test_bad_message_names_itself_and_the_remedy(tmp_path, bad, reason, lost):
+    bag = write_bag(
+        tmp_path / 'bag', [(CAMERA, image(START)), (CAMERA, bad), (CAMERA, image(START + S))]
+    )
+    with pytest.raises(PlaceRecognitionError, match=f'{CAMERA}, message 2.*{reason}') as caught:
+        list(bags.BagImages.from_bag(bag))
+    assert '--skip-bad' in str(caught.value)
+
+
+@pytest.mark.parametrize('bad, reason, lost', BAD_MESSAGES)
+def test_bad_message_is_skipped_and_counted_if_so_wished(tmp_path, caplog, bad, reason, lost):
+    bag = write_bag(
+        tmp_path / 'bag', [(CAMERA, image(START)), (CAMERA, bad), (CAMERA, image(START + S))]
+    )
+    frames = list(bags.BagImages.from_bag(bag, skip_bad=True))
+    # What only has a bad stamp is handed on: the recogniser passes over it, as in the node.
+    assert len(frames) == 3 - lost
+    warnings = [record.getMessage() for record in caplog.records]
+    assert len(warnings) == 2 and 'message 2' in warnings[0]
+    assert '1 of 3 messages were bad' in warnings[1]
+
+
+def test_many_bad_messages_are_not_named_one_by_one(tmp_path, caplog):
+    messages = [(CAMERA, image(START + n, size=3)) for n in range(50)]
+    assert not list(bags.BagImages.from_bag(write_bag(tmp_path / 'bag', messages), skip_bad=True))
+    assert len(caplog.records) == 6
+    assert '50 of 50 messages were bad' in caplog.records[-1].getMessage()
+
+
+def poses_bag(folder, kind):
+    """Write poses at x = 1, 2, 3 in the way of the message type, each one second later."""
+    stamped = [pose_stamped(START + n * S, n + 1.0) for n in range(3)]
+    messages = {
+        'PoseStamped': stamped,
+        'Odometry': [odometry(START + n * S, n + 1.0) for n in range(3)],
+        # Published twice as it grows; what was corrected since counts.
+        'Path': [path_message(START, [pose_stamped(START, 9.0)]), path_message(START, stamped)],
+    }[kind]
+    return write_bag(folder, [('/truth', message) for message in messages])
+
+
+@pytest.mark.parametrize('kind', ['PoseStamped', 'Odometry', 'Path'])
+@pytest.mark.parametrize('topic', [None, '/truth'])
+def test_poses(tmp_path, kind, topic):
+    poses = bags.read_poses(poses_bag(tmp_path / 'bag', kind), topic)
+    assert poses.stamps_ns.tolist() == [START, START + S, START + 2 * S]
+    assert poses.positions.tolist() == [[1, 0, 0], [2, 0, 0], [3, 0, 0]]
+    assert poses.quaternions.tolist() == [[0, 0, 0, 1]] * 3
+
+
+def test_several_pose_topics(tmp_path):
+    bag = write_bag(
+        tmp_path / 'bag', [('/b', odometry(1, 0.0)), ('/a', path_message(1, [])), ('/c', image(1))]
+    )
+    remedy = r'use --ground-truth-topic /a \| --ground-truth-topic /b$'
+    with pytest.raises(PlaceRecognitionError, match=remedy):
+        bags.read_poses(bag, '/c')
+
+
+def test_no_finite_pose(tmp_path):
+    bag = write_bag(tmp_path / 'bag', [('/odom', odometry(1, np.nan))])
+    with pytest.raises(PlaceRecognitionError, match='topic /odom has no pose of finite numbers'):
+        bags.read_poses(bag, '/odom')
+
+
+def test_bad_pose_message_names_itself(tmp_path):
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connection = writer.add_connection('/odom', odometry(1, 0.0).__msgtype__, typestore=STORE)
+        writer.write(connection, 1, b'\x00\x01\x00\x00')
+    with pytest.raises(PlaceRecognitionError, match='/odom, message 1: 4 bytes are no nav_msgs'):
+        bags.read_poses(tmp_path / 'bag', None)
+
+
+def test_topics_are_counted(tmp_path):
+    bag = write_bag(tmp_path / 'bag', [('/b', image(1)), ('/a', image(2)), ('/b', image(3))])
+    assert topics(bag, bags.IMAGE_TYPES) == {'/a': 1, '/b': 2}
+    assert list(topics(bag, bags.IMAGE_TYPES)) == ['/a', '/b']
+
+
+def test_the_pose_before_an_image(tmp_path):
+    messages = [('/odom', odometry(START + number * S, number)) for number in range(3)]
+    poses = bags.read_poses(write_bag(tmp_path / 'bag', messages), '/odom')
+    assert poses.before(START + S, S // 2).position == (1, 0, 0)
+    assert poses.before(START + S + S // 2, S // 2).position == (1, 0, 0)
+    assert poses.before(START + S - 1, S // 2) is None
+    assert poses.before(START - 1, S // 2) is None
+
+
+def test_the_first_calibration_is_the_camera(tmp_path):
+    infos = [camera_info(START + number, 500.0 + number) for number in range(2)]
+    bag = write_bag(tmp_path / 'bag', [('/camera/camera_info', each) for each in infos])
+    found = bags.read_camera(bag, '/camera/camera_info', rectified=False)
+    assert found.matrix[0, 0] == 500 / 640 and found.aspect == 0.75
+    with pytest.raises(PlaceRecognitionError, match=r'message 1: .*not calibrated'):
+        bags.read_camera(bag, '/camera/camera_info', rectified=True)
+    with pytest.raises(PlaceRecognitionError, match='--camera-info-topic /camera/camera_info'):
+        bags.read_camera(bag, '/other', rectified=False)

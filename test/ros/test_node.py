@@ -1,0 +1,311 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The node in this process, with real topics, parameters and messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import time
+from typing import Any
+
+from conftest import CellExtractor, texture
+import cv2
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
+from hdc_place_recognition.recognition.recognizer import PlaceRecognizer  # noqa: E402
+from hdc_place_recognition.ros import node as node_module  # noqa: E402
+from hdc_place_recognition.ros.messages import read_candidates  # noqa: E402
+from hdc_place_recognition.ros.parameters import unknown_overrides  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
+from rclpy.qos import qos_profile_sensor_data  # noqa: E402
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2  # noqa: E402
+
+S = 1_000_000_000
+SOON_S = 10.0
+NAME = '/place_recognition_node'
+
+
+class Bench:
+    """The node beside a user's node, turned by one executor."""
+
+    def __init__(self, *words: str, kind: type = Image) -> None:
+        self.node = node_module.PlaceRecognitionNode(
+            cli_args=[
+                '--ros-args',
+                '-r',
+                'image:=/camera/image_raw',
+                '-p',
+                'image_qos:=reliable',
+                '-p',
+                'exclude_recent_s:=5.0',
+                *words,
+            ]
+        )
+        self.user = Node('user')
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.user)
+        self.images = self.user.create_publisher(kind, '/camera/image_raw', 10)
+        self.odometry = self.user.create_publisher(Odometry, '/odom', 100)
+
+    def heard(self, kind: type, topic: str) -> list[Any]:
+        messages: list[Any] = []
+        self.user.create_subscription(kind, topic, messages.append, 100)
+        return messages
+
+    def until(self, condition: Callable[[], object]) -> None:
+        end = time.monotonic() + SOON_S
+        while not condition():
+            assert time.monotonic() < end, 'waited in vain'
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def show(self, second: float, image: np.ndarray | None, **changes: Any) -> None:
+        """Publish an image and wait until the node has dealt with it."""
+        received = self.node.statistics.received
+        self.images.publish(image_message(second, image, **changes))
+        self.until(lambda: self.node.statistics.received > received)
+        assert self.node.worker.wait_idle(SOON_S)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.user.destroy_node()
+        self.node.destroy_node()
+
+
+def image_message(second: float, image: np.ndarray | None, **changes: Any) -> Image:
+    pixels = texture(0) if image is None else image
+    message = Image(
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding='mono8',
+        step=pixels.shape[1],
+        data=pixels.tobytes(),
+    )
+    set_stamp(message, second)
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def set_stamp(message: Any, second: float) -> None:
+    message.header.frame_id = 'camera'
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(round(second * S), S)
+
+
+@pytest.fixture(autouse=True)
+def ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(
+        node_module, 'create_recognizer', lambda params: PlaceRecognizer(params, CellExtractor())
+    )
+    rclpy.init(args=[])
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    found = Bench()
+    yield found
+    found.close()
+
+
+def parameter(bench: Bench, call: str, argument: Any) -> Any:
+    client = AsyncParameterClient(bench.user, NAME)
+    bench.until(client.services_are_ready)
+    future = getattr(client, call)(argument)
+    bench.until(future.done)
+    return future.result()
+
+
+def test_loop_is_published_with_the_images_header(bench):
+    candidates = bench.heard(PointCloud2, NAME + '/candidates')
+    closures = bench.heard(PointCloud2, NAME + '/loop_closures')
+    bench.until(lambda: bench.node.count_subscribers(NAME + '/loop_closures'))
+    for second, place in enumerate([*range(10), 3]):
+        odometry = Odometry()
+        set_stamp(odometry, second + 0.01)
+        odometry.pose.pose.position.x = float(second)
+        bench.odometry.publish(odometry)
+        bench.until(lambda second=second: len(bench.node._positions._recent) > second)
+        bench.show(second, texture(place))
+    bench.until(lambda: len(candidates) == 11 and closures)
+    assert [len(read_candidates(message)) for message in candidates[:6]] == [0, 0, 0, 0, 0, 1]
+    assert len(closures) == 1
+    header = closures[0].header
+    assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (10, 0, 'camera')
+    best = read_candidates(closures[0])[0]
+    assert best.candidate.match_stamp_ns == 3 * S and best.candidate.accepted
+    assert best.candidate.similarity == pytest.approx(1, abs=1e-5)
+    assert best.position == (3.0, 0.0, 0.0)
+    assert all(item.candidate.accepted for item in read_candidates(closures[0]))
+
+
+def test_calibration_is_taken_and_a_bad_one_is_none(bench):
+    calibration = bench.user.create_publisher(CameraInfo, '/camera_info', 10)
+    bench.until(lambda: bench.node.count_publishers('/camera_info'))
+    bench.until(lambda: calibration.get_subscription_count())
+    message = CameraInfo(width=64, height=48, k=[50.0, 0, 32, 0, 50, 24, 0, 0, 1])
+    calibration.publish(message)
+    bench.until(lambda: bench.node.recognizer.camera)
+    assert bench.node.recognizer.camera.took(48 / 64)
+    message.k = [0.0] * 9
+    calibration.publish(message)
+    bench.until(lambda: bench.node.recognizer.camera is None)
+
+
+def test_live_parameter_is_set_and_a_bad_one_refused_with_a_reason(bench):
+    good = parameter(bench, 'set_parameters', [Parameter('min_score', value=0.25)])
+    assert good.results[0].successful
+    assert bench.node.recognizer.params.min_score == 0.25
+    whole = parameter(bench, 'set_parameters', [Parameter('min_score', value=1)])
+    assert whole.results[0].successful
+    assert bench.node.recognizer.params.min_score == 1.0
+    for name, value, reason in [
+        ('min_score', 1.5, 'min_score'),
+        ('min_score', 2, 'outside 0 to 1'),
+        ('min_score', 'high', 'expected a float'),
+        ('n_x', 3, 'read-only'),
+    ]:
+        bad = parameter(bench, 'set_parameters', [Parameter(name, value=value)]).results[0]
+        assert not bad.successful
+        assert reason in bad.reason
+    assert bench.node.recognizer.params.min_score == 1.0
+
+
+def test_parameters_are_described(bench):
+    described = parameter(bench, 'describe_parameters', ['min_score', 'extractor', 'top_k'])
+    similarity, extractor, top_k = described.descriptors
+    assert 'Probability' in similarity.description and not similarity.read_only
+    assert similarity.floating_point_range[0].to_value == 1.0
+    assert extractor.read_only and 'sift' in extractor.additional_constraints
+    assert top_k.integer_range[0].from_value == 1
+
+
+def test_bad_images_are_counted_and_the_node_goes_on(bench):
+    bench.show(0, None, height=1000)
+    bench.show(1, None, encoding='mono7')
+    bench.show(2, None)
+    bench.show(2, None)
+    bench.show(1.5, None)
+    bench.show(2.1, None)
+    values = bench.node._values()
+    assert values['images received'] == '6' and values['images processed'] == '1'
+    assert values['images refused'] == '2' and 'mono7' in values['last error']
+    assert values['images passed over: same stamp as the last image'] == '1'
+    assert values['images passed over: older than the last image'] == '1'
+    assert values['database images'] == '1'
+
+
+def test_what_is_passed_over_is_not_decoded(bench, monkeypatch):
+    decoded = []
+    convert = node_module.image_from_message
+    monkeypatch.setattr(
+        node_module,
+        'image_from_message',
+        lambda message: decoded.append(message) or convert(message),
+    )
+    for second in (0, 0.1, 0.15, 0.2):
+        bench.show(second, None)
+    assert len(decoded) == bench.node.statistics.processed == 2
+
+
+def test_an_unexpected_error_does_not_end_the_node(bench, monkeypatch):
+    def fail(message: object) -> None:
+        raise ZeroDivisionError('of all things')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(node_module, 'image_from_message', fail)
+        bench.show(0, None)
+    bench.show(1, None)
+    values = bench.node._values()
+    assert values['last error'] == 'ZeroDivisionError: of all things'
+    assert values['images processed'] == '1'
+
+
+def test_simulation_time_set_back(bench):
+    for second, place in [*((60 + place, place) for place in range(8)), (0, 2)]:
+        bench.show(second, texture(place))
+    assert bench.node.statistics.accepted >= 1
+    assert bench.node.statistics.processed == 9
+
+
+def test_diagnostics_once_a_second(bench):
+    heard = bench.heard(DiagnosticArray, '/diagnostics')
+    bench.show(0, None)
+    bench.until(lambda: heard)
+    status = heard[-1].status[0]
+    values = {pair.key: pair.value for pair in status.values}
+    assert status.name == 'place_recognition_node: place recognition'
+    assert status.level == DiagnosticStatus.OK
+    assert status.message == 'no image in the database is old enough'
+    assert values['images processed'] == '1' and values['features'] == 'cells'
+    assert int(values['database bytes']) > 4096 * 4 and float(values['ms extract']) > 0
+
+
+def test_silence_is_explained(bench):
+    bench.node._input._last -= 7.0
+    problem = bench.node._input.problem()
+    assert problem == 'no image on /camera/image_raw for 7 s, publishers: 1'
+    heard = bench.heard(DiagnosticArray, '/diagnostics')
+    bench.until(lambda: heard)
+    assert heard[-1].status[0].level == DiagnosticStatus.WARN
+    assert 'no image on /camera/image_raw' in heard[-1].status[0].message
+
+
+def test_incompatible_quality_of_service_is_named(bench):
+    other = Node('other_camera')
+    other.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
+    bench.until(lambda: bench.node.count_publishers('/camera/image_raw') == 2)
+    bench.node._input._last -= 7.0
+    problem = bench.node._input.problem()
+    assert 'publishers: 2; /other_camera has incompatible QoS' in problem and 'eliab' in problem
+    other.destroy_node()
+
+
+def test_publisher_of_another_type_is_named(bench, monkeypatch):
+    # One process cannot publish two types on a topic; another one can, and nothing arrives.
+    bench.until(lambda: bench.node.count_publishers('/camera/image_raw') == 1)
+    (info,) = bench.node.get_publishers_info_by_topic('/camera/image_raw')
+    info.topic_type = 'sensor_msgs/msg/CompressedImage'
+    monkeypatch.setattr(bench.node, 'get_publishers_info_by_topic', lambda topic: [info])
+    bench.node._input._last -= 7.0
+    assert bench.node._input.problem().endswith(
+        '/user publishes sensor_msgs/msg/CompressedImage, not sensor_msgs/msg/Image: '
+        'see the parameter image_transport'
+    )
+
+
+def test_unknown_parameters_are_named():
+    bench = Bench('-p', 'min_similarty:=0.5', '-p', 'use_sim_time:=false')
+    assert unknown_overrides(bench.node) == ['min_similarty']
+    bench.close()
+
+
+def test_quality_of_service_can_be_overridden():
+    bench = Bench('-p', 'qos_overrides./camera/image_raw.subscription.depth:=3')
+    assert bench.node._input._subscription.qos_profile.depth == 3
+    bench.close()
+
+
+def test_compressed_images():
+    bench = Bench('-p', 'image_transport:=compressed', kind=CompressedImage)
+    for second in range(2):
+        _, jpeg = cv2.imencode('.jpg', texture(second))
+        # The second one is cut short.
+        message = CompressedImage(format='mono8; jpeg compressed', data=jpeg.tobytes())
+        message.data = message.data[: len(message.data) // (second + 1)]
+        set_stamp(message, second)
+        bench.images.publish(message)
+        bench.until(lambda second=second: bench.node.statistics.received > second)
+        assert bench.node.worker.wait_idle(SOON_S)
+    assert bench.node.statistics.processed == 1
+    assert 'cannot be decoded' in bench.node.statistics.last_error
+    bench.close()

@@ -1,0 +1,145 @@
+# Copyright 2026 hdc_place_recognition contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Geometry of two views: scenes of known depth, and those that only look alike."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.compact import keep, Landmarks
+from hdc_place_recognition.features.local_features import LocalFeatures
+from hdc_place_recognition.features.registry import create_extractor
+from hdc_place_recognition.verification.geometry import Geometry, match, verify
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+WIDTH, HEIGHT = 320, 240
+
+
+def scene(seed: int, width: int = 400) -> NDArray[np.uint8]:
+    """Return a texture with structure of several sizes."""
+    rng = np.random.default_rng(seed)
+    image = np.zeros((HEIGHT, width), np.float32)
+    for size in (2, 4, 8):
+        noise = rng.standard_normal((HEIGHT, width)).astype(np.float32)
+        image += size * cv2.GaussianBlur(noise, (0, 0), size)
+    return cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+
+
+def landmarks(image: NDArray[np.uint8]) -> Landmarks:
+    return keep(create_extractor('rootsift', image_width=320, max_features=300).extract(image))
+
+
+def view(far: int, near: int) -> Landmarks:
+    """Return a camera moved sideways: the lower half is nearer and moves by more pixels."""
+    image = scene(1)
+    upper, lower = np.vsplit(image, 2)
+    moved = [np.roll(part, -by, axis=1)[:, :WIDTH] for part, by in ((upper, far), (lower, near))]
+    return landmarks(np.vstack(moved))
+
+
+def test_two_views_of_known_geometry_are_verified():
+    geometry = verify(view(8, 8), view(0, 0))
+    assert geometry.inliers > 100 and geometry.votes > 100 and geometry.spread >= 12
+    # What is at x in the query was 8 pixels further right in the earlier image.
+    assert geometry.shift_x == pytest.approx(8 / WIDTH, abs=2e-3)
+    assert geometry.shift_y == pytest.approx(0, abs=2e-3)
+
+
+def test_parallax_is_followed_by_the_fundamental_matrix():
+    geometry = verify(view(8, 32), view(0, 0))
+    assert geometry.inliers > 60
+    assert 8 / WIDTH - 2e-3 < geometry.shift_x < 32 / WIDTH + 2e-3
+
+
+def test_scale_and_rotation_are_followed_by_the_votes():
+    image = scene(1, WIDTH)
+    turn = cv2.getRotationMatrix2D((WIDTH / 2, HEIGHT / 2), 20, 1.2)
+    turned = np.asarray(cv2.warpAffine(image, turn, (WIDTH, HEIGHT)), np.uint8)
+    assert verify(landmarks(turned), landmarks(image)).votes > 40
+
+
+def test_different_textures_are_not_verified():
+    geometry = verify(landmarks(scene(1, WIDTH)), landmarks(scene(2, WIDTH)))
+    assert min(geometry.votes, geometry.inliers) < 8
+
+
+def test_one_object_elsewhere_has_no_spread():
+    first, second = (cv2.GaussianBlur(scene(seed, WIDTH), (0, 0), 9) for seed in (3, 4))
+    noise = np.random.default_rng(5).integers(0, 256, (60, 80), dtype=np.uint8)
+    patch = cv2.GaussianBlur(noise, (0, 0), 2) * 3
+    first[60:120, 80:160], second[120:180, 160:240] = patch, patch
+    geometry = verify(landmarks(first), landmarks(second))
+    assert geometry.inliers >= 12 and geometry.spread <= 2
+
+
+@pytest.mark.parametrize(
+    'image',
+    [
+        np.zeros((HEIGHT, WIDTH), np.uint8),
+        np.zeros((1, 1), np.uint8),
+        np.tile(np.array([[0, 255]], np.uint8).repeat(8, axis=1), (HEIGHT, 20)),
+        scene(1, WIDTH)[:20, :20],
+    ],
+)
+def test_degenerate_images_are_answered(image):
+    found, other = landmarks(np.ascontiguousarray(image)), landmarks(scene(1, WIDTH))
+    for pair in ((found, other), (other, found), (found, found)):
+        assert isinstance(verify(*pair), Geometry)
+
+
+def test_coinciding_and_collinear_points_are_answered():
+    rng = np.random.default_rng(0)
+    for x, y in ((np.zeros(20), np.zeros(20)), (np.arange(20), np.arange(20))):
+        descriptors = rng.random((20, 128)).astype(np.float32)
+        features = LocalFeatures(
+            np.stack([x, y], axis=1).astype(np.float32),
+            descriptors / np.linalg.norm(descriptors, axis=1, keepdims=True),
+            WIDTH,
+            HEIGHT,
+            sizes=np.full(20, 4, np.float32),
+            angles=np.zeros(20, np.float32),
+        )
+        geometry = verify(keep(features), keep(features))
+        assert geometry.votes == 20 and geometry.spread <= 2
+
+
+def test_match_is_mutual_and_passes_the_ratio_test():
+    query = np.array([[0, 0], [100, 0], [0, 100], [51, 51]], np.uint8)
+    earlier = np.array([[1, 0], [98, 0], [0, 200], [50, 52], [52, 50]], np.uint8)
+    # 0 and 1 have one partner each; 2 is as near to none; 3 has two that are equally near.
+    assert match(query, earlier).tolist() == [[0, 0], [1, 1]]
+    assert match(query[:1], earlier).shape == (0, 2)
+
+
+def test_same_answer_again_and_on_threads():
+    first, second = view(8, 32), view(0, 0)
+    expected = verify(first, second)
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda _: verify(first, second), range(16)))
+    assert set(found) == {expected}
+
+
+def test_landmarks_are_small_and_near_what_they_stand_for():
+    extractor = create_extractor('rootsift', image_width=320, max_features=300)
+    features = extractor.extract(scene(1, WIDTH))
+    kept = keep(features)
+    assert len(kept) == 300 and kept.nbytes == 300 * 134 + 640
+    np.testing.assert_allclose(kept.points * WIDTH, features.keypoints + 0.5, atol=0.01)
+    np.testing.assert_allclose(kept.descriptors / 255, features.descriptors, atol=0.002)
+    sizes = np.abs(kept.shapes)
+    np.testing.assert_allclose(sizes / sizes[0], features.sizes / features.sizes[0], rtol=0.03)
+
+
+def test_landmarks_do_not_depend_on_the_size_of_the_image():
+    image = scene(1, WIDTH)
+    larger = np.asarray(cv2.resize(image, None, fx=2, fy=2), np.uint8)
+    geometry = verify(landmarks(larger), landmarks(image))
+    assert geometry.inliers > 100 and abs(geometry.shift_x) < 2e-3
+
+
+def test_landmarks_need_sizes_and_angles():
+    features = LocalFeatures(np.zeros((1, 2), np.float32), np.zeros((1, 8), np.float32), 4, 4)
+    with pytest.raises(PlaceRecognitionError, match='rootsift'):
+        keep(features)
