@@ -1,20 +1,35 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recogniser says of an image."""
+"""What goes into the recognizer and what comes out: frames, candidates, detections."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 from hdc_place_recognition.camera import Quaternion
-from hdc_place_recognition.features.compact import Landmarks
-from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 from numpy.typing import NDArray
 
 NOT_VERIFIED = -1
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Frame:
+    """
+    An image with its time.
+
+    :param stamp_ns: header stamp, nanoseconds.
+    :param image: (h, w) gray or (h, w, 3) BGR, uint8, uint16 or float32.
+    :param camera: name of the camera; each camera has a traverse of its own.
+    """
+
+    stamp_ns: int
+    image: NDArray[Any]
+    camera: str = 'camera'
 
 
 class Status(Enum):
@@ -22,44 +37,47 @@ class Status(Enum):
 
     ACCEPTED = 'loop closure'
     BELOW_THRESHOLD = 'no candidate reaches min_score'
-    DATABASE_TOO_YOUNG = 'no image in the database is old enough'
-    NO_FEATURES = 'no local features in the image'
-    TOO_SOON = 'passed over: nearer than min_interval_s to the last image'
-    STAMP_REPEATED = 'passed over: same stamp as the last image'
-    STAMP_OUT_OF_ORDER = 'passed over: older than the last image'
+    DATABASE_TOO_YOUNG = 'no keyframe is old enough to be compared with'
+    NO_FEATURES = 'the image has no local features'
+    TOO_SOON = 'skipped: less than min_interval_s after the last image'
+    STAMP_REPEATED = 'skipped: same stamp as the last image'
+    STAMP_OUT_OF_ORDER = 'skipped: older than the last image'
 
 
-PASSED_OVER = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
+SKIPPED = (Status.TOO_SOON, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER)
 
 
 class Reason(Enum):
-    """Why a candidate was not accepted; the value is a phrase for people."""
+    """Why a candidate was not accepted: the term of the score that cost most."""
 
     ACCEPTED = 'accepted'
     ANOTHER_PLACE = 'another place fits better'
-    NOT_VERIFIED = 'not verified: not among the verify_top_k best'
-    FEW_INLIERS = 'few inliers'
-    NO_SPREAD = 'inliers without spread'
-    LIKE_MANY = 'too similar to many'
-    AT_EDGE = 'at the edge of what was searched, where a better one may lie outside'
+    NOT_VERIFIED = 'not verified: not among the verify_top_k most similar'
+    FEW_INLIERS = 'few matched keypoints agree with one geometry'
+    NO_SPREAD = 'the inliers cover a small part of the image'
+    LIKE_MANY = 'as similar to many other keyframes'
+    AT_EDGE = 'at the edge of the keyframes searched: a better match may lie outside'
     NO_SUPPORT = 'no support by the images before'
-    UNLIKELY = 'all in all not likely enough'
+    UNLIKELY = 'low similarity'
 
 
 @dataclass(frozen=True)
 class Candidate:
     """
-    An earlier image that may show the same place.
+    A keyframe that may show the same place as the query.
 
-    :param similarity: centred cosine, -1 to 1.
-    :param score: probability that it is a true loop closure, 0 to 1; 0 if that was not looked at.
-    :param inliers: of the geometric verification; NOT_VERIFIED without one.
+    :param query_stamp_ns: header stamp of the query image.
+    :param match_stamp_ns: header stamp of the keyframe.
+    :param match_id: id of the keyframe.
+    :param similarity: centered cosine, -1 to 1.
+    :param score: probability that it is a true loop closure, 0 to 1; 0 if it was not verified.
+    :param inliers: matched keypoints that agree with one geometry; NOT_VERIFIED without any.
     :param accepted: whether the score reaches min_score.
-    :param reason: why not, if not.
-    :param shift_x: how far to the right the scene lies in the earlier image, share of the width.
+    :param reason: why it was not accepted.
+    :param shift_x: how far to the right the scene lies in the keyframe, share of the width.
     :param shift_y: how far down, share of the height.
-    :param rotation: of an accepted one, orientation of the camera in the frame of the earlier one
-        (x right, y down, z ahead); None where the camera is not known.
+    :param rotation: of an accepted candidate, the orientation of the query's camera in the frame
+        of the keyframe's camera (x right, y down, z ahead); None without camera_info.
     """
 
     query_stamp_ns: int
@@ -76,26 +94,80 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Description:
+class CandidateField:
     """
-    An image as the database knows it, with the milliseconds that each stage took.
+    A field of a candidate in messages and files.
 
-    :param query: (s, d) float32, the image under each displacement, the middle one being none.
-    :param moved: whether it shows something new, rather than what the last keyframe shows.
-    :param landmarks: to verify it by, None where nothing is verified.
+    :param name: in the message.
+    :param dtype: numpy's code of the type in the message: f4, i4, u4 or u1.
+    :param get: returns the value for the message.
+    :param doc: one sentence for the README.
     """
 
-    stamp_ns: int
-    query: Hypervector
-    n_features: int
-    moved: bool = True
-    landmarks: Landmarks | None = None
-    milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
+    name: str
+    dtype: str
+    get: Callable[[Candidate], float]
+    doc: str
 
-    @property
-    def empty(self) -> bool:
-        """Whether nothing was seen that could be recognised."""
-        return not self.query.any()
+
+def _rotation_part(index: int) -> Callable[[Candidate], float]:
+    return lambda found: found.rotation[index] if found.rotation else float('nan')
+
+
+# Their order is that of the message; new fields are appended, so that readers keep working.
+CANDIDATE_FIELDS = (
+    CandidateField(
+        'query_sec', 'i4', lambda found: found.query_stamp_ns // _NS, 'stamp of the query image, s'
+    ),
+    CandidateField(
+        'query_nanosec', 'u4', lambda found: found.query_stamp_ns % _NS, 'its nanoseconds'
+    ),
+    CandidateField(
+        'match_sec', 'i4', lambda found: found.match_stamp_ns // _NS, 'stamp of the keyframe, s'
+    ),
+    CandidateField(
+        'match_nanosec', 'u4', lambda found: found.match_stamp_ns % _NS, 'its nanoseconds'
+    ),
+    CandidateField('match_id', 'u4', lambda found: found.match_id, 'id of the keyframe'),
+    CandidateField('similarity', 'f4', lambda found: found.similarity, 'centered cosine, -1 to 1'),
+    CandidateField(
+        'score', 'f4', lambda found: found.score, 'probability of a loop closure, 0 to 1'
+    ),
+    CandidateField(
+        'inliers',
+        'i4',
+        lambda found: found.inliers,
+        'matched keypoints that agree with one geometry; -1: not verified',
+    ),
+    CandidateField(
+        'accepted', 'u1', lambda found: found.accepted, '1 for a loop closure: score >= min_score'
+    ),
+    CandidateField(
+        'shift_x',
+        'f4',
+        lambda found: found.shift_x,
+        'how far to the right the scene lies in the keyframe, share of the width',
+    ),
+    CandidateField(
+        'shift_y', 'f4', lambda found: found.shift_y, 'how far down, share of the height'
+    ),
+    CandidateField(
+        'reason',
+        'u1',
+        lambda found: tuple(Reason).index(found.reason),
+        'why it was not accepted, index in results.Reason; 0: accepted',
+    ),
+    CandidateField(
+        'qx',
+        'f4',
+        _rotation_part(0),
+        'orientation of the query camera in the frame of the keyframe camera (x right, y down, '
+        'z ahead) of an accepted candidate; NaN without camera_info',
+    ),
+    CandidateField('qy', 'f4', _rotation_part(1), 'its y'),
+    CandidateField('qz', 'f4', _rotation_part(2), 'its z'),
+    CandidateField('qw', 'f4', _rotation_part(3), 'its w'),
+)
 
 
 @dataclass(frozen=True)
@@ -103,16 +175,18 @@ class Detection:
     """
     The answer to one image.
 
-    :param candidates: best first, accepted or not; none where the status says why.
-    :param similarities: (n,) float32, to the first n rows of the database: those old enough. In
-        a large database those of rows far below the candidates are estimates, unless the
-        parameter `exact` is set.
-    :param keyframe_id: the number under which the image was stored, None if it was not. Images
-        are counted from 0; the number is the row until images before it are forgotten.
+    :param stamp_ns: header stamp of the image.
+    :param status: what became of it.
+    :param candidates: best first, accepted or not; empty where the status says why.
+    :param similarities: (n,) float32, to the n keyframes that were searched, in the order of their
+        ids; empty from a database that does not compare with all. In a large database values far
+        below the candidates are estimates, unless the parameter `exact` is set.
+    :param keyframe_id: id under which the image was stored, None if it was not.
     :param not_stored: why there was no room for it; empty if there was.
-    :param forgotten_ids: the numbers of the images that were forgotten for it.
-    :param milliseconds: spent in extract, encode, keypoints, query, verify and insert; on several
-        threads, how long keypoints are waited for.
+    :param evicted_ids: ids of the keyframes that were evicted for it.
+    :param n_features: number of local features.
+    :param milliseconds: time of the stages extract, encode, keypoints, query, verify and insert;
+        with several threads 'keypoints' is the time that they were waited for.
     """
 
     stamp_ns: int
@@ -123,7 +197,7 @@ class Detection:
     )
     keyframe_id: int | None = None
     not_stored: str = ''
-    forgotten_ids: tuple[int, ...] = ()
+    evicted_ids: tuple[int, ...] = ()
     n_features: int = 0
     milliseconds: Mapping[str, float] = field(default_factory=dict, compare=False)
 
@@ -131,13 +205,3 @@ class Detection:
     def accepted(self) -> tuple[Candidate, ...]:
         """Return the candidates that are loop closures."""
         return tuple(candidate for candidate in self.candidates if candidate.accepted)
-
-
-def status_of(description: Description, candidates: tuple[Candidate, ...]) -> Status:
-    """Return what became of an image that was compared."""
-    if description.empty:
-        return Status.NO_FEATURES
-    if not candidates:
-        return Status.DATABASE_TOO_YOUNG
-    accepted = any(candidate.accepted for candidate in candidates)
-    return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD

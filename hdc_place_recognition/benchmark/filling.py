@@ -14,12 +14,13 @@ import sys
 from time import perf_counter
 
 from hdc_place_recognition.benchmark.vectors import Crowd, DIMENSIONS, SIDE
-from hdc_place_recognition.database.eviction import Limit
-from hdc_place_recognition.database.memory import Database
-from hdc_place_recognition.database.storage import RowFile
-from hdc_place_recognition.database.vector_store import Rows
+from hdc_place_recognition.database.base import Keyframe, Query
+from hdc_place_recognition.database.eviction import Capacity
+from hdc_place_recognition.database.memory import MemoryDatabase
+from hdc_place_recognition.database.storage import FileStorage
+from hdc_place_recognition.database.vector_store import VectorStore
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.compact import Landmarks
+from hdc_place_recognition.features.compact import CompactKeypoints
 from hdc_place_recognition.hdc.shifts import Shifts
 import numpy as np
 from numpy.typing import NDArray
@@ -98,15 +99,17 @@ def fill(filling: Filling) -> Filled:
     world = Crowd(filling.images)
     database = _database(filling)
     for number in range(_WARM):
-        database.see(world.query(number))
+        database.update_mean(Query(number, world.query(number)))
     before, most_promised = _resident(), 0
     spent = np.empty(filling.images, np.float32)
     taken_by: list[int] = []
     for number in range(filling.images):
-        query = np.broadcast_to(world.row(number), (SIDE * SIDE, DIMENSIONS))
-        landmarks = _landmarks(number) if filling.landmarks else None
+        keypoints = _keypoints(number) if filling.landmarks else None
+        # The most similar keyframe before it, which a real robot knows from its search.
+        twin = number - 1 if number else None
+        keyframe = Keyframe(number, number, world.row(number), keypoints, twin=twin)
         start = perf_counter()
-        database.add(number, number, query, landmarks)
+        database.add(keyframe)
         spent[number] = (perf_counter() - start) * 1e6
         most_promised = max(most_promised, database.nbytes)
         if (number + 1) * PARTS // filling.images > len(taken_by):
@@ -120,7 +123,7 @@ def fill(filling: Filling) -> Filled:
         promised=database.nbytes,
         most_promised=most_promised,
         images=len(database),
-        forgotten=database.forgotten,
+        forgotten=database.evicted_count,
         resident=_resident(),
         peak=_peak(),
         queries_ms=queries_ms,
@@ -128,36 +131,37 @@ def fill(filling: Filling) -> Filled:
     )
 
 
-def _database(filling: Filling) -> Database:
-    room = RowFile(Path(filling.folder)) if filling.folder else None
-    return Database(
-        Rows(DIMENSIONS, filling.row_type, room),
+def _database(filling: Filling) -> MemoryDatabase:
+    storage = FileStorage(Path(filling.folder)) if filling.folder else None
+    return MemoryDatabase(
+        VectorStore(DIMENSIONS, filling.row_type, storage),
         SIDE * SIDE,
         True,
-        'synthetic',
         Shifts(SIDE, SIDE, 0.1).groups,
-        Limit(filling.max_keyframes, filling.max_megabytes),
+        Capacity(filling.max_keyframes, filling.max_megabytes),
     )
 
 
-def _ask(database: Database, world: Crowd, queries: int) -> tuple[list[float], float]:
+def _ask(database: MemoryDatabase, world: Crowd, queries: int) -> tuple[list[float], float]:
     """Return what queries take, and which share of them is answered rightly."""
     spent, right = [], 0
     for number in range(queries + _WARM):
         query = world.query(number)
         start = perf_counter()
-        answer = database.ask(query)
+        best = database.search(Query(number, query), 1).matches[0]
         spent.append((perf_counter() - start) * 1e3)
-        right += number >= _WARM and world.shows(number, int(answer.similarities.argmax()))
+        right += number >= _WARM and world.shows(number, best.keyframe_id)
     return spent[_WARM:], right / max(queries, 1)
 
 
-def _landmarks(number: int) -> Landmarks:
-    """Return some as large as those of an image."""
+def _keypoints(number: int) -> CompactKeypoints:
+    """Return keypoints that take as much memory as those of an image."""
     count = _LEAST_POINTS + number * 7919 % (_MOST_POINTS - _LEAST_POINTS + 1)
     ones: NDArray[np.uint8] = np.ones((count, 130), np.uint8)
-    places = np.ones((count, 2), np.uint16)
-    return Landmarks(places, ones[:, 0].copy(), ones[:, 1].copy(), ones[:, 2:].copy(), aspect=0.75)
+    positions = np.ones((count, 2), np.uint16)
+    return CompactKeypoints(
+        positions, ones[:, 0].copy(), ones[:, 1].copy(), ones[:, 2:].copy(), aspect=0.75
+    )
 
 
 def _resident() -> int:

@@ -18,6 +18,7 @@ from hdc_place_recognition.benchmark.timing import (
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
 from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.results import Frame
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +75,7 @@ def measure_pipeline(settings: Settings) -> Iterator[Measurement]:
     detections, spent = [], []
     for number, image in enumerate((*images, *images)):
         start = perf_counter()
-        detections.append(recognizer.process(number * _NS, image))
+        detections.append(recognizer.process(Frame(number * _NS, image)))
         spent.append((perf_counter() - start) * 1e3)
     stages = {
         stage: float(np.median([each.milliseconds[stage] for each in detections]))
@@ -91,4 +92,4 @@ def measure_pipeline(settings: Settings) -> Iterator[Measurement]:
     yield Measurement('image, all in all, 99 %', float(np.percentile(spent, 99)), 'ms')
     database = recognizer.database
     kilobytes = database.nbytes / len(database) / 1e3
-    yield Measurement('memory of a keyframe, with landmarks', kilobytes, 'kB')
+    yield Measurement('memory of a keyframe, with keypoints', kilobytes, 'kB')

@@ -13,10 +13,12 @@ from typing import Any
 
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.vectors import World
-from hdc_place_recognition.features.compact import Landmarks
+from hdc_place_recognition.database.base import Keyframe
+from hdc_place_recognition.features.compact import CompactKeypoints
 from hdc_place_recognition.hdc.algebra import normalize
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.results import Frame
 from hdc_place_recognition.ros.main import main as run_node
 from hdc_place_recognition.ros.node import PlaceRecognitionNode
 import numpy as np
@@ -89,7 +91,7 @@ def fill(recognizer: PlaceRecognizer, drive: Drive) -> None:
     costs what it costs on a robot, and where something is, the geometry is checked too.
     """
     images = street(drive.images, drive.width, drive.height)
-    views = [recognizer.describe(0, image) for image in images]
+    views = [recognizer.observe(Frame(0, image)).query for image in images]
     world, rng = World(drive.keyframes), np.random.default_rng(0)
     for number in range(drive.keyframes):
         visit, elsewhere = divmod(number, _DRIVE_EVERY)
@@ -97,23 +99,20 @@ def fill(recognizer: PlaceRecognizer, drive: Drive) -> None:
         row = world.row(number)
         if not elsewhere:
             noise = _VIEW_NOISE * normalize(rng.standard_normal(row.shape, np.float32))
-            row = normalize(view.query[len(view.query) // 2] + noise)
-        recognizer.database.add(
-            number,
-            number - _LONG_AGO_NS,
-            np.broadcast_to(row, view.query.shape),
-            _seen_again(view.landmarks, rng) if view.landmarks else None,
-        )
-    recognizer.start_sequence()
+            row = normalize(view.unshifted + noise)
+        keypoints = _seen_again(view.keypoints, rng) if view.keypoints else None
+        keyframe = Keyframe(number, number - _LONG_AGO_NS, row, keypoints)
+        recognizer.database.add(keyframe)
+    recognizer.start_traverse()
 
 
-def _seen_again(landmarks: Landmarks, rng: np.random.Generator) -> Landmarks:
-    """Return the landmarks a little elsewhere and in another light, most of them confused."""
-    lost = np.flatnonzero(rng.random(len(landmarks)) > _FOUND_AGAIN)
-    descriptors = _noisy(landmarks.descriptors, _OTHER_LIGHT, rng)
+def _seen_again(keypoints: CompactKeypoints, rng: np.random.Generator) -> CompactKeypoints:
+    """Return the keypoints a little elsewhere and in another light, most of them confused."""
+    lost = np.flatnonzero(rng.random(len(keypoints)) > _FOUND_AGAIN)
+    descriptors = _noisy(keypoints.descriptors, _OTHER_LIGHT, rng)
     descriptors[lost] = descriptors[lost][:, rng.permutation(descriptors.shape[1])]
-    places = _noisy(landmarks.places, _OTHER_PLACE, rng)
-    return replace(landmarks, places=places, descriptors=descriptors)
+    positions = _noisy(keypoints.positions, _OTHER_PLACE, rng)
+    return replace(keypoints, positions=positions, descriptors=descriptors)
 
 
 def _noisy(values: NDArray[Any], most: int, rng: np.random.Generator) -> NDArray[Any]:

@@ -18,8 +18,9 @@ from hdc_place_recognition.benchmark.timing import (
     milliseconds,
 )
 from hdc_place_recognition.benchmark.vectors import DIMENSIONS, SIDE, World
-from hdc_place_recognition.database.memory import Database, TWO_STAGES_FROM
-from hdc_place_recognition.database.vector_store import Rows
+from hdc_place_recognition.database.base import Keyframe, Query
+from hdc_place_recognition.database.memory import MemoryDatabase, TWO_STAGES_FROM
+from hdc_place_recognition.database.vector_store import VectorStore
 from hdc_place_recognition.hdc.algebra import Hypervector
 from hdc_place_recognition.hdc.shifts import Shifts
 import numpy as np
@@ -37,7 +38,7 @@ _BEST = 10
 class _Filled:
     """A database with its rows once more, for peers, and how long each insertion took."""
 
-    database: Database
+    database: MemoryDatabase
     world: World
     insertions_ms: list[float]
     forms: int
@@ -65,12 +66,13 @@ def _measure_size(rows: int, settings: Settings) -> Iterator[Measurement]:
 
 def _measure_one_form(single: _Filled, rows: int, bandwidth: float) -> Iterator[Measurement]:
     query = np.ascontiguousarray(single.world.query(0)[SIDE * SIDE // 2][None])
+    asked = Query(0, query)
     limit = rows * 4 * DIMENSIONS / bandwidth
-    spent = milliseconds(lambda: single.database.ask(query, exact=True))
+    spent = milliseconds(lambda: single.database.search(asked, _BEST, exact=True))
     name = f'exact query, 1 form, {rows} rows'
     yield Measurement(name, spent, 'ms', spent / limit, 'bandwidth', '<= 1.15')
     if rows >= TWO_STAGES_FROM:
-        fast = milliseconds(lambda: single.database.ask(query))
+        fast = milliseconds(lambda: single.database.search(asked, _BEST))
         name = f'two-stage query, 1 form, {rows} rows'
         yield Measurement(name, fast, 'ms', fast / spent, 'exact')
     yield from _measure_peers(single, rows, query, spent)
@@ -79,15 +81,15 @@ def _measure_one_form(single: _Filled, rows: int, bandwidth: float) -> Iterator[
 
 def _fill(rows: int, forms: int, row_type: str = 'float32') -> _Filled:
     groups = Shifts(SIDE, SIDE, 0.1).groups if forms > 1 else ()
-    database = Database(Rows(DIMENSIONS, row_type), forms, True, 'synthetic', groups)
+    database = MemoryDatabase(VectorStore(DIMENSIONS, row_type), forms, True, groups)
     world = World(rows)
     middle = slice(None) if forms > 1 else slice(SIDE * SIDE // 2, SIDE * SIDE // 2 + 1)
     for number in range(_SEEN):
-        database.see(world.query(number)[middle])
+        database.update_mean(Query(0, world.query(number)[middle]))
     insertions = []
     for number in range(rows):
-        query = np.broadcast_to(world.row(number), (forms, DIMENSIONS))
-        insertions += each_milliseconds(partial(database.add, 0, 0, query), 1)
+        keyframe = Keyframe(0, 0, world.row(number))
+        insertions += each_milliseconds(partial(database.add, keyframe), 1)
     return _Filled(database, world, insertions, forms)
 
 
@@ -102,8 +104,8 @@ def _measure_insertion(filled: _Filled, rows: int) -> Iterator[Measurement]:
 def _measure_stages(filled: _Filled, rows: int, peak: float) -> Iterator[Measurement]:
     """Yield the exact query, a row of the similarity matrix, and the one in two stages."""
     database, forms = filled.database, filled.forms
-    query = filled.world.query(0)
-    exact = milliseconds(lambda: database.ask(query, exact=True))
+    query = Query(0, filled.world.query(0))
+    exact = milliseconds(lambda: database.search(query, _BEST, exact=True))
     name = f'exact query, {forms} forms, {rows} rows'
     rate = rows * (forms + 1) * DIMENSIONS / exact  # with all forms, and with the mean
     yield Measurement(name, exact, 'ms', rate / peak, 'products', '>= 0.6')
@@ -114,14 +116,14 @@ def _measure_stages(filled: _Filled, rows: int, peak: float) -> Iterator[Measure
 
 
 def _measure_recall(
-    exact: Database, fast: Database, world: World, name: str, target: str = ''
+    exact: MemoryDatabase, fast: MemoryDatabase, world: World, name: str, target: str = ''
 ) -> Iterator[Measurement]:
     """Yield what two stages cost and find, against all rows compared exactly."""
-    rows, query = len(fast), world.query(0)
-    whole = milliseconds(lambda: exact.ask(query, exact=True))
-    spent = milliseconds(lambda: fast.ask(query))
+    rows, query = len(fast), Query(0, world.query(0))
+    whole = milliseconds(lambda: exact.search(query, _BEST, exact=True))
+    spent = milliseconds(lambda: fast.search(query, _BEST))
     yield Measurement(f'{name}, {rows} rows', spent, 'ms', spent / whole, 'exact', target)
-    queries = [world.query(number) for number in range(_SEEN, _SEEN + _QUERIES)]
+    queries = [Query(0, world.query(number)) for number in range(_SEEN, _SEEN + _QUERIES)]
     recalls = np.mean([_recalls(exact, fast, each) for each in queries], axis=0).tolist()
     targets = _RECALL_TARGETS.get(rows, ('', ''))
     for best, recall, least in zip((1, _BEST), recalls, targets, strict=True):
@@ -129,10 +131,11 @@ def _measure_recall(
         yield Measurement(label, recall, '', recall, 'exact', least)
 
 
-def _recalls(exact: Database, fast: Database, query: Hypervector) -> tuple[float, float]:
+def _recalls(exact: MemoryDatabase, fast: MemoryDatabase, query: Query) -> tuple[float, float]:
     """Return which share of the best row, and of the best ten, two stages find."""
-    answers = exact.ask(query, exact=True), fast.ask(query)
-    true, found = (np.argsort(-each.similarities, kind='stable')[:_BEST] for each in answers)
+    results = exact.search(query, _BEST, exact=True), fast.search(query, _BEST)
+    rows = [result.similarities for result in results]
+    true, found = (np.argsort(-row, kind='stable')[:_BEST] for row in rows if row is not None)
     return float(true[0] == found[0]), float(np.isin(true, found).mean())
 
 

@@ -23,7 +23,7 @@ from hdc_place_recognition.evaluation.result_files import write_results
 from hdc_place_recognition.evaluation.tables import metrics_dict, summary, table
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
 
 _log = logging.getLogger(__name__)
 
@@ -149,8 +149,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(dataset: Dataset, params: Params) -> Evaluation:
-    recognizer = create_recognizer(params.replace(**dataset.overrides))
-    _log.info('%s: local features are %s', dataset.name, recognizer.database.extractor)
+    params = params.replace(**dataset.overrides)
+    use_threads(params)
+    recognizer = create_recognizer(params)
+    _log.info('%s: local features are %s', dataset.name, recognizer.identity)
     return evaluate(dataset, recognizer, _progress())
 
 

@@ -1,11 +1,12 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How similar rows are to a query: exactly, or exactly only where signs say it may matter.
+Similarities of a query to all keyframes: exact, or exact only for those that the signs put first.
 
-The centred cosine (Sec. 3.1.4) under means m of queries and mu of rows has
-(q - m)(x - mu) = (q - m) x - (q - m) mu above, and |x - mu|^2 = |x|^2 - 2 x mu + |mu|^2 below: one
-pass over the rows as they are, with mu as one more query (or none: :class:`MeanProducts`).
+The centered cosine (paper, Sec. 3.1.4) under means m of queries and mu of keyframes is
+(q - m)(x - mu) / |q - m| |x - mu|, with (q - m)(x - mu) = (q - m) x - (q - m) mu and
+|x - mu|^2 = |x|^2 - 2 x mu + |mu|^2. So one pass over the vectors as they are stored is enough,
+with mu as one more probe.
 """
 
 from __future__ import annotations
@@ -14,179 +15,177 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from hdc_place_recognition.database import sign_index
-from hdc_place_recognition.database.centering import MeanProducts
-from hdc_place_recognition.database.vector_store import Order, Rows
+from hdc_place_recognition.database.vector_store import SlotOrder, VectorStore
 from hdc_place_recognition.hdc import algebra
+from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 from numpy.typing import NDArray
 
-# Squared lengths below this are rounding errors of centring, not directions.
-_NOTHING = 1e-9
-# Rows that signs put first; the best row is among 300 in all of 81 displaced queries to 10,000
-# rows made of real images, the best ten to 99 %.
+# Squared lengths below this are rounding errors of centering.
+_ROUNDING = 1e-9
+# Rows that are compared exactly. On 10,000 rows made of real images the best row is among the 300
+# that the signs put first for all of 81 shifted queries, and 99 % of the ten best.
 _NEAREST = 512
-# Of more rows, those that the first part of the signs puts first are looked at with all signs:
-# this share, and at least so many. Of real best matches of a cosine of .25 to .3, 17 % are not in
-# the first 16th, 2 % not in the first quarter; of those above .3, 1 % and none.
+# Above _ALL_SIGNS rows, only those that the coarse signs put first are compared by all signs: this
+# share, and at least _LEAST. Of real best matches with a cosine of .25 to .3, 17 % are not in the
+# first 16th and 2 % not in the first quarter; above .3 it is 1 % and none.
 _ALL_SIGNS, _SHARE, _LEAST = 32768, 16, 16384
-# Evenly spaced rows that stand for all.
+# Evenly spaced rows that are compared exactly, as a sample of the distribution.
 _SPACED = 128
-# The rows before and after these best ones are compared too: a neighbour may fit better.
+# The rows before and after this many best ones are compared exactly too.
 _BEST = 16
 
 
 @dataclass(frozen=True)
-class Answer:
+class Similarities:
     """
-    How similar the rows are to a query.
+    The similarities of a query to the rows that were searched.
 
-    :param similarities: (n,) float32, -1 to 1, each under the best displacement. Those of rows
-        that were not compared are estimates from signs, and none is above one that was.
-    :param displacements: (n,) uint8, which one that is; that by nothing where not compared.
-    :param background: (b,) float32, similarities that are distributed as those of all rows.
+    :param values: (n,) float32, -1 to 1, each under the best shift. A row that was not compared
+        exactly has an estimate from its signs, which is never above that of the nearest rows.
+    :param shifts: (n,) uint8, index of the best shift; the zero shift for rows that were not
+        compared exactly.
+    :param sample: (b,) float32, exact values with the distribution of all rows.
     """
 
-    similarities: NDArray[np.float32]
-    displacements: NDArray[np.uint8]
-    background: NDArray[np.float32]
+    values: NDArray[np.float32]
+    shifts: NDArray[np.uint8]
+    sample: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Question:
+class CenteredQuery:
     """
-    A query, and what is subtracted before it is compared.
+    A query and the means that are subtracted before it is compared.
 
-    :param query: (s, d) float32, its forms; the middle one is displaced by nothing.
-    :param means: (s, d) float64.
+    :param vectors: (s, d) float32, the image descriptor under each shift.
+    :param means: (s, d) float64, the mean of all queries under each shift.
     """
 
-    query: algebra.Hypervector
+    vectors: Hypervector
     means: NDArray[np.float64]
 
     @property
-    def middle(self) -> int:
-        """Return the index of the form displaced by nothing, and of the mean of the rows."""
-        return len(self.query) // 2
+    def zero_shift(self) -> int:
+        """Return the index of the zero shift, and of the mean of the keyframes."""
+        return len(self.vectors) // 2
 
     @cached_property
-    def centred(self) -> NDArray[np.float64]:
-        """Return (s, d), the forms without their means."""
-        return self.query - self.means
+    def centered(self) -> NDArray[np.float64]:
+        """Return (s, d), the descriptors without their means."""
+        return self.vectors - self.means
+
+    def probes(self) -> Hypervector:
+        """Return (s + 1, d) float32: the centered descriptors and the mean of the keyframes."""
+        mean = self.means[self.zero_shift][None]
+        return np.concatenate([self.centered, mean]).astype(np.float32)
 
     def cosines(
         self, products: NDArray[np.float32], squares: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """
-        Return the best centred cosine of each row and its form; 0 where there is no direction.
+        Return the centered cosine of each row under its best shift, and the index of that shift.
 
-        :param products: (n, s + 1), of the rows with :meth:`probes`.
-        :param squares: (n,), of the rows' lengths.
+        The cosine is 0 where the query or the row has no direction.
+
+        :param products: (n, s + 1), products of the rows with :meth:`probes`.
+        :param squares: (n,), squared lengths of the rows.
         """
-        mean = self.means[self.middle]
-        along_mean = (self.centred @ mean).astype(np.float32)
+        mean = self.means[self.zero_shift]
+        along_mean = (self.centered @ mean).astype(np.float32)
         above = products[:, :-1] - along_mean
-        above *= _inverse_lengths(np.square(self.centred).sum(axis=1))
-        # A row's own length does not change which of the forms fits it best.
+        above *= _inverse_lengths(np.square(self.centered).sum(axis=1))
+        # The length of a row does not change which shift fits it best.
         best = above.argmax(axis=1)
         similarities = np.take_along_axis(above, best[:, None], axis=1)[:, 0]
         similarities *= _inverse_lengths(squares - 2 * products[:, -1] + mean @ mean)
         return np.clip(similarities, -1, 1, out=similarities), best.astype(np.uint8)
 
-    def probes(self) -> algebra.Hypervector:
-        """Return (s + 1, d) float32: the centred forms and the mean of the rows."""
-        return np.concatenate([self.centred, self.means[self.middle][None]]).astype(np.float32)
-
 
 def _inverse_lengths(squares: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return 1 / length of vectors, 0 where there is no direction."""
-    lengths = np.sqrt(np.where(squares > _NOTHING, squares, np.inf))
+    lengths = np.sqrt(np.where(squares > _ROUNDING, squares, np.inf))
     return (1 / lengths).astype(np.float32)
 
 
 def search_all(
-    rows: Rows, products: MeanProducts, order: Order, count: int, question: Question
-) -> Answer:
+    store: VectorStore, order: SlotOrder, count: int, query: CenteredQuery
+) -> Similarities:
     """
     Compare a query with all rows.
 
-    :param products: of the rows, for a query of one form.
-    :param order: where they are.
-    :param count: the first rows that are asked for.
+    :param order: the slots of the rows.
+    :param count: number of rows to search: the first ones.
     """
-    extent = order.extent(count)
-    if len(question.query) == 1:
-        found = products.products(question.query, extent)
-    else:
-        found = rows.products(question.probes(), extent)
-    found = order.in_order(found.T, count).T
-    squares = order.in_order(rows.squares(extent), count)
-    similarities, displacements = question.cosines(found, squares)
-    return Answer(similarities, displacements, similarities)
+    slots = order.slots_to_read(count)
+    products = order.in_order(store.products(query.probes(), slots).T, count).T
+    squares = order.in_order(store.squares(slots), count)
+    values, shifts = query.cosines(products, squares)
+    return Similarities(values, shifts, values)
 
 
 def search_in_two_stages(
-    rows: Rows,
-    order: Order,
+    store: VectorStore,
+    order: SlotOrder,
     count: int,
-    question: Question,
+    query: CenteredQuery,
     groups: tuple[tuple[int, ...], ...],
-) -> Answer:
+) -> Similarities:
     """
-    Compare a query with those rows whose signs are nearest to it.
+    Compare a query with the rows whose signs are nearest to its own.
 
-    Signs are compared with bundles of neighbouring forms: a bundle is similar to each of its
-    parts, so that a few of them stand for all displacements.
+    The signs are compared with bundles of neighboring shifts. A bundle is similar to each of its
+    members (Sec. 3.1.3), so that a few of them stand for all shifts.
 
-    :param order: where the rows are.
-    :param count: the first rows that are asked for.
-    :param groups: indices of the forms that are bundled.
+    :param order: the slots of the rows.
+    :param count: number of rows to search: the first ones.
+    :param groups: indices of the shifts that are bundled.
     """
-    near, similarities = _nearest_by_signs(rows, order, count, question, groups)
-    displacements = np.full(count, question.middle, np.uint8)
-    probes = question.probes()
+    near, values = _nearest_by_signs(store, order, count, query, groups)
+    shifts = np.full(count, query.zero_shift, np.uint8)
+    probes = query.probes()
 
-    def compare(chosen: NDArray[np.intp]) -> None:
-        vectors, squares = rows.gather(order.places(chosen))
-        answer = question.cosines(vectors @ probes.T, squares)
-        similarities[chosen], displacements[chosen] = answer
+    def compare(rows: NDArray[np.intp]) -> None:
+        vectors, squares = store.gather(order.slots(rows))
+        values[rows], shifts[rows] = query.cosines(vectors @ probes.T, squares)
 
     spaced = np.linspace(0, count - 1, min(_SPACED, count)).astype(np.intp)
     compared = np.union1d(near, spaced)
     compare(compared)
-    best = near[np.argsort(-similarities[near], kind='stable')[:_BEST]]
+    best = near[np.argsort(-values[near], kind='stable')[:_BEST]]
     beside = np.clip(np.union1d(best - 1, best + 1), 0, count - 1)
     beside = np.setdiff1d(beside, compared)
     compare(beside)
     compared = np.union1d(compared, beside)
-    exact = similarities[compared]
-    np.minimum(similarities, similarities[near].min(), out=similarities)
-    similarities[compared] = exact
-    return Answer(similarities, displacements, similarities[spaced])
+    exact = values[compared]
+    np.minimum(values, values[near].min(), out=values)
+    values[compared] = exact
+    return Similarities(values, shifts, values[spaced])
 
 
 def _nearest_by_signs(
-    rows: Rows,
-    order: Order,
+    store: VectorStore,
+    order: SlotOrder,
     count: int,
-    question: Question,
+    query: CenteredQuery,
     groups: tuple[tuple[int, ...], ...],
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """Return the rows to be compared, rising, and estimates (count,) of all similarities."""
-    centred = algebra.normalize(question.centred.astype(np.float32))
-    bundles = np.stack([centred[list(group)].sum(axis=0) for group in groups])
-    queries = sign_index.signs(bundles, np.zeros(rows.dimensions, np.float32))
-    coarse = order.in_order(rows.signs.coarse(queries, order.extent(count)), count)
+    """Return the rows to compare exactly, rising, and estimates (count,) of all similarities."""
+    centered = algebra.normalize(query.centered.astype(np.float32))
+    bundles = np.stack([algebra.bundle(centered[list(group)]) for group in groups])
+    queries = sign_index.signs(bundles, np.zeros(store.dimensions, np.float32))
+    coarse = order.in_order(store.signs.coarse(queries, order.slots_to_read(count)), count)
     least = coarse.min(axis=0)
     if count > _ALL_SIGNS:
         chosen = sign_index.nearest(least, max(count // _SHARE, _LEAST))
     else:
         chosen = np.arange(count)
-    places = order.places(chosen)
-    by_place = np.argsort(places)
+    slots = order.slots(chosen)
+    by_slot = np.argsort(slots)
     distances = np.empty((len(queries), len(chosen)), np.uint32)
-    distances[:, by_place] = rows.signs.fine(queries, places[by_place])
+    distances[:, by_slot] = store.signs.fine(queries, slots[by_slot])
     distances += coarse[:, chosen]
     nearest_query = distances.min(axis=0)
-    similarities = sign_index.cosines(least, min(rows.signs.coarse_dimensions, rows.dimensions))
-    similarities[chosen] = sign_index.cosines(nearest_query, rows.dimensions)
-    return chosen[sign_index.nearest(nearest_query, _NEAREST)], similarities
+    estimates = sign_index.cosines(least, min(store.signs.coarse_dimensions, store.dimensions))
+    estimates[chosen] = sign_index.cosines(nearest_query, store.dimensions)
+    return chosen[sign_index.nearest(nearest_query, _NEAREST)], estimates

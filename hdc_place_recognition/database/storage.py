@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the memory for hypervectors comes from."""
+"""Where the memory for hypervectors comes from: RAM, or an anonymous file on a disk."""
 
 from __future__ import annotations
 
@@ -14,55 +14,54 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 from numpy.typing import NDArray
 
-
-class Room(Protocol):
-    """Gives memory for matrices, and takes it back."""
-
-    @property
-    def resident(self) -> bool:
-        """Return whether it is the process's own memory."""
-
-    def take(self, rows: int, dimensions: int, kind: np.dtype[Any]) -> NDArray[Any]:
-        """
-        Return a matrix of any content.
-
-        :raises PlaceRecognitionError: there is no room for it.
-        """
-
-    def give_back(self, matrix: NDArray[Any]) -> None:
-        """Take a matrix that nobody uses any more."""
-
-    def rest(self) -> None:
-        """Let go of memory that was only looked at."""
-
-
-class Memory:
-    """The process's own memory; what was never written is not taken from the system."""
-
-    resident = True
-
-    def take(self, rows: int, dimensions: int, kind: np.dtype[Any]) -> NDArray[Any]:
-        """Return a matrix of any content."""
-        return np.empty((rows, dimensions), kind)
-
-    def give_back(self, matrix: NDArray[Any]) -> None:
-        """Do nothing: it goes with the last reference."""
-
-    def rest(self) -> None:
-        """Do nothing: what was looked at is in memory anyway."""
-
-
-# Each map holds a file descriptor, so that there should be few; disk is taken only as it is used.
+# Each map holds a file descriptor, so there should be few; the disk is filled as it is used.
 _MAP_BYTES = 256 << 20
 _PAGE_BYTES = 4096
 
 
-class RowFile:
-    """
-    Room on a disk: a file without a name, which is gone when nobody uses it, however that ends.
+class VectorStorage(Protocol):
+    """Allocates matrices for hypervectors."""
 
-    :param folder: on the disk.
-    :raises PlaceRecognitionError: no file can be made there.
+    @property
+    def resident(self) -> bool:
+        """Return whether the matrices lie in the memory of the process."""
+
+    def allocate(self, rows: int, dimensions: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """
+        Return a matrix (rows, dimensions) of arbitrary content.
+
+        :raises PlaceRecognitionError: there is no room for it.
+        """
+
+    def release(self, matrix: NDArray[Any]) -> None:
+        """Take back a matrix that is no longer used."""
+
+    def drop_pages(self) -> None:
+        """Free memory that only caches what is stored elsewhere."""
+
+
+class RamStorage:
+    """The memory of the process; the system assigns a page when it is first written."""
+
+    resident = True
+
+    def allocate(self, rows: int, dimensions: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Return a matrix of arbitrary content."""
+        return np.empty((rows, dimensions), dtype)
+
+    def release(self, matrix: NDArray[Any]) -> None:
+        """Do nothing: the matrix is freed with its last reference."""
+
+    def drop_pages(self) -> None:
+        """Do nothing: the matrices are stored nowhere else."""
+
+
+class FileStorage:
+    """
+    Memory-mapped anonymous temporary file; the OS deletes it on exit or crash.
+
+    :param folder: folder on a disk.
+    :raises PlaceRecognitionError: no file can be created there.
     """
 
     resident = False
@@ -77,22 +76,22 @@ class RowFile:
             ) from error
         self._maps: list[mmap] = []
         self._end = 0
-        self._given_back: list[NDArray[Any]] = []
+        self._free: list[NDArray[Any]] = []
 
-    def take(self, rows: int, dimensions: int, kind: np.dtype[Any]) -> NDArray[Any]:
+    def allocate(self, rows: int, dimensions: int, dtype: np.dtype[Any]) -> NDArray[Any]:
         """
-        Return a matrix of any content.
+        Return a matrix of arbitrary content.
 
         :raises PlaceRecognitionError: the disk is full.
         """
-        if self._given_back:
-            return self._given_back.pop()
-        size = -(-rows * dimensions * kind.itemsize // _PAGE_BYTES) * _PAGE_BYTES
+        if self._free:
+            return self._free.pop()
+        size = -(-rows * dimensions * dtype.itemsize // _PAGE_BYTES) * _PAGE_BYTES
         start = self._end
         if start % _MAP_BYTES + size > _MAP_BYTES or not self._maps:
             start = len(self._maps) * _MAP_BYTES
         try:
-            # Writing to a map of what the disk has no room for would end the program.
+            # Without this, writing to a map of a full disk would kill the process (SIGBUS).
             os.posix_fallocate(self._file.fileno(), start, size)
             if start == len(self._maps) * _MAP_BYTES:
                 self._maps.append(self._new_map(start))
@@ -102,20 +101,20 @@ class RowFile:
                 f'{start / 1e6:.0f} MB; make room there, or set max_keyframes'
             ) from error
         self._end = start + size
-        matrix = np.frombuffer(self._maps[-1], kind, rows * dimensions, start % _MAP_BYTES)
+        matrix = np.frombuffer(self._maps[-1], dtype, rows * dimensions, start % _MAP_BYTES)
         return matrix.reshape(rows, dimensions)
 
-    def give_back(self, matrix: NDArray[Any]) -> None:
-        """Take a matrix that nobody uses any more, to be taken again."""
-        self._given_back.append(matrix)
+    def release(self, matrix: NDArray[Any]) -> None:
+        """Keep the matrix for the next call of :meth:`allocate`."""
+        self._free.append(matrix)
 
-    def rest(self) -> None:
-        """Let go of the pages in memory: they are in the file, and found there again."""
-        for each in self._maps:
-            each.madvise(MADV_DONTNEED)
+    def drop_pages(self) -> None:
+        """Free the pages in memory; their content stays in the file."""
+        for mapped in self._maps:
+            mapped.madvise(MADV_DONTNEED)
 
     def _new_map(self, start: int) -> mmap:
         os.ftruncate(self._file.fileno(), start + _MAP_BYTES)
-        made = mmap(self._file.fileno(), _MAP_BYTES, offset=start)
-        made.madvise(MADV_RANDOM)
-        return made
+        mapped = mmap(self._file.fileno(), _MAP_BYTES, offset=start)
+        mapped.madvise(MADV_RANDOM)
+        return mapped

@@ -11,9 +11,10 @@ from time import perf_counter
 from hdc_place_recognition.datasets.dataset import Dataset, Frame, Frames, Mode, Stamps
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.run_log import NOT_STORED, Recording
-from hdc_place_recognition.recognition.frame_filter import nanoseconds, StampSelector
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
-from hdc_place_recognition.results import Description, Detection, PASSED_OVER
+from hdc_place_recognition.recognition.frame_filter import FrameFilter, nanoseconds
+from hdc_place_recognition.recognition.recognizer import Observation, PlaceRecognizer
+from hdc_place_recognition.results import Detection, SKIPPED
+from hdc_place_recognition.results import Frame as RecognizerFrame
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,7 +39,8 @@ def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) ->
     for name in ('max_keyframes', 'max_database_mb'):
         if limit := getattr(recognizer.params, name):
             raise PlaceRecognitionError(f'{name} {limit:g}: an evaluation needs all; set it to 0')
-    recognizer.camera, recognizer.odometry = dataset.camera, dataset.odometry
+    traverse = recognizer.traverse()
+    traverse.camera, traverse.odometry = dataset.camera, dataset.odometry
     if dataset.mode is Mode.SEQUENCE:
         return _replay_sequence(dataset, recognizer, progress)
     if dataset.reference is None:
@@ -53,8 +55,8 @@ def _replay_sequence(
     reader = _Reader(progress(dataset.queries, dataset.name))
     detections = []
     for stamp_ns, image, read_ms in reader:
-        detection = recognizer.process(stamp_ns, image)
-        if detection.status not in PASSED_OVER:
+        detection = recognizer.process(RecognizerFrame(stamp_ns, image))
+        if detection.status not in SKIPPED:
             timed = {'read': read_ms, **detection.milliseconds}
             detections.append(replace(detection, milliseconds=timed))
     stamps_ns = np.array([detection.stamp_ns for detection in detections], np.int64)
@@ -76,9 +78,9 @@ def _replay_traverses(
     """Learn the reference, then only ask for each query."""
     references = _Reader(progress(reference, f'{dataset.name} reference'))
     learned = [_learn(recognizer, each) for each in _describe(references, recognizer)]
-    recognizer.start_sequence()
+    recognizer.start_traverse()
     queries = _Reader(progress(dataset.queries, dataset.name))
-    detections = [recognizer.recognize(each) for each in _describe(queries, recognizer)]
+    detections = [_recognize(recognizer, each) for each in _describe(queries, recognizer)]
     return Recording(
         detections=tuple(detections),
         database_stamps_ns=np.array([each.stamp_ns for each in learned], np.int64),
@@ -104,7 +106,7 @@ def _replay_retrieval(
     descriptions = list(_describe(reader, recognizer))
     learned = [_learn(recognizer, each) for each in descriptions]
     detections = [
-        recognizer.recognize(description, skip_id=itself.keyframe_id)
+        _recognize(recognizer, description, itself.keyframe_id)
         for description, itself in zip(descriptions, learned, strict=True)
     ]
     return Recording(
@@ -150,22 +152,40 @@ class _Learned:
     milliseconds: Mapping[str, float]
 
 
-def _describe(reader: _Reader, recognizer: PlaceRecognizer) -> Iterator[Description]:
+@dataclass(frozen=True)
+class _Observed:
+    """An observation, and the milliseconds that its image took to be read."""
+
+    observation: Observation
+    read_ms: float
+
+    @property
+    def milliseconds(self) -> Mapping[str, float]:
+        """Return the time of the stages so far."""
+        return {'read': self.read_ms, **self.observation.watch.milliseconds}
+
+
+def _describe(reader: _Reader, recognizer: PlaceRecognizer) -> Iterator[_Observed]:
     """Yield the description of each image that is not too near to the one before."""
-    selector = StampSelector()
+    selector = FrameFilter()
     min_interval_ns = nanoseconds(recognizer.params.min_interval_s)
     for stamp_ns, image, read_ms in reader:
-        if selector.admit(stamp_ns, min_interval_ns) is None:
-            description = recognizer.describe(stamp_ns, image)
-            timed = {'read': read_ms, **description.milliseconds}
-            yield replace(description, milliseconds=timed)
+        if selector.accept(stamp_ns, min_interval_ns) is None:
+            yield _Observed(recognizer.observe(RecognizerFrame(stamp_ns, image)), read_ms)
 
 
-def _learn(recognizer: PlaceRecognizer, description: Description) -> _Learned:
-    start = perf_counter()
-    row = recognizer.learn(description)
-    timed = {**description.milliseconds, 'insert': _since(start)}
-    return _Learned(description.stamp_ns, row, description.n_features, timed)
+def _learn(recognizer: PlaceRecognizer, observed: _Observed) -> _Learned:
+    start, observation = perf_counter(), observed.observation
+    row = recognizer.store(observation).keyframe_id
+    timed = {**observed.milliseconds, 'insert': _since(start)}
+    return _Learned(observation.query.stamp_ns, row, observation.n_features, timed)
+
+
+def _recognize(
+    recognizer: PlaceRecognizer, observed: _Observed, without: int | None = None
+) -> Detection:
+    detection = recognizer.recognize(observed.observation, without=without)
+    return replace(detection, milliseconds={'read': observed.read_ms, **detection.milliseconds})
 
 
 def _since(start: float) -> float:

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiment that fits core/calibration.py: evidence against truth, on development data."""
+"""The experiment that fits verification/calibration.json to development data."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.evaluate import evaluate, Evaluation
 from hdc_place_recognition.evaluation.metrics import Verdict
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import create_recognizer
-from hdc_place_recognition.verification.scoring import Calibration, UNVERIFIED, VERIFIED
+from hdc_place_recognition.recognition.factory import calibrations, create_recognizer, use_threads
+from hdc_place_recognition.verification.settings import Calibration
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,9 +45,9 @@ def add_calibrate(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add the experiment to the command hdc_experiments."""
     parser = subparsers.add_parser(
         'calibrate',
-        help='fit the table of core/calibration.py',
+        help='fit the table of verification/calibration.json',
         description='Fit score to truth on folders with gt.npz, and print the lines that belong '
-        'into core/calibration.py, with what they predict against what is observed.',
+        'into verification/calibration.json, with what they predict against what is observed.',
     )
     parser.add_argument('data', nargs='+', type=Path, metavar='DATA_FOLDER')
     parser.set_defaults(run=run_calibrate)
@@ -55,16 +55,17 @@ def add_calibrate(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run_calibrate(arguments: argparse.Namespace) -> str:
     """
-    Return the fitted table as the lines of core/calibration.py, and how well it fits.
+    Return the fitted table as the lines of verification/calibration.json, and how well it fits.
 
     :raises PlaceRecognitionError: a folder has no ground truth.
     """
     lines = []
-    for name, verify, table in (('VERIFIED', True, VERIFIED), ('UNVERIFIED', False, UNVERIFIED)):
-        sets = [best_candidates(_run(path, verify)) for path in arguments.data]
-        evidence = [_evidence(each, table, _LEAST_EVIDENCE[verify]) for each in sets]
+    for name, verify in (('verified', True), ('unverified', False)):
+        runs = [_run(path, verify) for path in arguments.data]
+        sets = [(best_candidates(evaluation), table) for evaluation, table in runs]
+        evidence = [_evidence(found, table, _LEAST_EVIDENCE[verify]) for found, table in sets]
         fitted = fit(evidence)
-        lines.append(f'{name} = Calibration(slope={fitted.slope:.2f}, centre={fitted.centre:.2f})')
+        lines.append(f'"{name}": {{"slope": {fitted.slope:.2f}, "center": {fitted.center:.2f}}}')
         scores = np.array([fitted.score(value) for each, _ in evidence for value in each])
         true = np.concatenate([each for _, each in evidence])
         lines += reliability(Outcomes(scores, true))
@@ -114,7 +115,7 @@ def fit(sets: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]]) -> Calibr
         predicted = 1 / (1 + np.exp(-design @ solution))
         curvature = (design * (weight * predicted * (1 - predicted))[:, None]).T @ design
         solution += np.linalg.solve(curvature, design.T @ (weight * (target - predicted)))
-    return Calibration(slope=float(solution[0]), centre=float(-solution[1] / solution[0]))
+    return Calibration(slope=float(solution[0]), center=float(-solution[1] / solution[0]))
 
 
 def reliability(outcomes: Outcomes) -> list[str]:
@@ -128,10 +129,14 @@ def reliability(outcomes: Outcomes) -> list[str]:
     return lines
 
 
-def _run(path: Path, verify: bool) -> Evaluation:
+def _run(path: Path, verify: bool) -> tuple[Evaluation, Calibration]:
+    """Return the run of a data set, and the calibration that its scores were made with."""
     dataset = open_dataset(path, None, Options())
     params = Params(verify=verify).replace(**dataset.overrides)
-    return evaluate(dataset, create_recognizer(params))
+    use_threads(params)
+    recognizer = create_recognizer(params)
+    verified, unverified = calibrations(recognizer.identity)
+    return evaluate(dataset, recognizer), verified if verify else unverified
 
 
 def _evidence(

@@ -18,7 +18,7 @@ from hdc_place_recognition.evaluation.evaluate import evaluate, Evaluation
 from hdc_place_recognition.evaluation.plots import draw_calibration, require_matplotlib
 from hdc_place_recognition.experiments.calibration import best_candidates, Outcomes, reliability
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
-from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
 from hdc_place_recognition.results import Candidate
 import numpy as np
 
@@ -69,6 +69,7 @@ def run_trust(arguments: argparse.Namespace) -> str:
         for dataset in _runs(open_dataset(path, None, Options()), arguments.reversed):
             # On one thread the time that each stage takes is its time of the CPU.
             one_thread = params.replace(**dataset.overrides, threads=1)
+            use_threads(one_thread)
             recognizer = create_recognizer(one_thread)
             evaluation = evaluate(dataset, recognizer)
             rows += _rows(evaluation)

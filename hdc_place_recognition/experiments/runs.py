@@ -17,7 +17,7 @@ from hdc_place_recognition.evaluation.evaluate import evaluate
 from hdc_place_recognition.features.local_features import Extractor, LocalFeatures
 from hdc_place_recognition.features.registry import create_extractor
 from hdc_place_recognition.params.table import Params, Value
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.recognition.factory import assemble
 import numpy as np
 from numpy.typing import NDArray
 import threadpoolctl
@@ -162,7 +162,7 @@ def measure(plan: Plan) -> Iterator[Run]:
 
 def _run(dataset: Dataset, variant: str, params: Params, extractor: Extractor) -> Run:
     start = perf_counter()
-    judgement = evaluate(dataset, PlaceRecognizer(params, extractor)).judgement
+    judgement = evaluate(dataset, assemble(params, extractor)).judgement
     ranking = judgement.ranking if judgement else None
     if ranking is None or ranking.average_precision is None or ranking.recall_at_1 is None:
         raise PlaceRecognitionError(

@@ -14,8 +14,9 @@ from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
-from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.results import Frame
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,6 +70,7 @@ def run_shift(arguments: argparse.Namespace) -> str:
         raise PlaceRecognitionError(
             'displacements_x and displacements_y are 1: a shift is estimated by displacements'
         )
+    use_threads(params)
     return table(dataset.name, estimate(dataset, measured, create_recognizer(params)))
 
 
@@ -122,21 +124,20 @@ def estimate(
             f'{dataset.name}: displacements.csv has places {min(measured)} to {max(measured)}, '
             f'the images are 0 to {last}'
         )
-    rows = _learn(dataset.reference, recognizer)
-    recognizer.start_sequence()
+    ids = _store(dataset.reference, recognizer)
+    recognizer.start_traverse()
     params = recognizer.params
     offsets = Shifts(
         params.displacements_x, params.displacements_y, params.displacement_step
     ).offsets
     shares, shifts = [], []
     for index, (stamp_ns, image) in enumerate(dataset.queries):
-        description = recognizer.describe(stamp_ns, image)
-        row = rows[index] if index < len(rows) else None
-        if index in measured and row is not None and not description.empty:
-            answer = recognizer.database.ask(description.query, exact=True)
-            best = answer.displacements[row]
-            # Displaced back over the reference: the shift is the opposite.
-            shifts.append(-offsets[best])
+        query = recognizer.observe(Frame(stamp_ns, image)).query
+        true_id = ids[index] if index < len(ids) else None
+        if index in measured and true_id is not None and not query.empty:
+            found = recognizer.database.search(query, 0, also=[true_id], exact=True)
+            # Shifted back over the reference: the shift of the view is the opposite.
+            shifts.append(-offsets[found.others[true_id].shift])
             shares.append(np.multiply(measured[index], (1, image.shape[1] / image.shape[0])))
     if len(shifts) < 2:
         raise PlaceRecognitionError(
@@ -166,7 +167,7 @@ def table(name: str, shifts: MeasuredShifts) -> str:
     return '\n'.join(lines)
 
 
-def _learn(reference: Frames, recognizer: PlaceRecognizer) -> list[int | None]:
-    """Return the rows under which the images were stored."""
-    described = (recognizer.describe(stamp_ns, image) for stamp_ns, image in reference)
-    return [recognizer.learn(description) for description in described]
+def _store(reference: Frames, recognizer: PlaceRecognizer) -> list[int | None]:
+    """Return the ids under which the images were stored."""
+    observed = (recognizer.observe(Frame(stamp_ns, image)) for stamp_ns, image in reference)
+    return [recognizer.store(observation).keyframe_id for observation in observed]

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of extractors of local features."""
+"""The registry of extractors: their names, and how each is created."""
 
 from __future__ import annotations
 
@@ -15,18 +15,23 @@ from hdc_place_recognition.features.local_features import Extractor
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What an extractor may depend on; each takes what concerns it."""
+class ExtractorSettings:
+    """
+    What an extractor can be told; each uses the settings that it has.
+
+    :param image_width: larger images are reduced to this width first, pixels.
+    :param max_features: number of keypoints at most; grids keep every cell.
+    :param threads: CPU threads of the network's runtime, 0 for its own choice.
+    """
 
     image_width: int
     max_features: int
     threads: int
-    pooled: bool
 
 
-EXTRACTORS: dict[str, Callable[[Settings], Extractor]] = {
+EXTRACTORS: dict[str, Callable[[ExtractorSettings], Extractor]] = {
     'efficientnet_lite0': lambda settings: EfficientNetLite0(
-        image_width=settings.image_width, threads=settings.threads, pooled=settings.pooled
+        image_width=settings.image_width, threads=settings.threads
     ),
     'sift': lambda settings: keypoint.sift(
         image_width=settings.image_width, max_features=settings.max_features
@@ -42,21 +47,17 @@ EXTRACTORS: dict[str, Callable[[Settings], Extractor]] = {
 
 
 def create_extractor(
-    name: str, *, image_width: int, max_features: int, threads: int = 0, pooled: bool = False
+    name: str, *, image_width: int, max_features: int, threads: int = 0
 ) -> Extractor:
     """
-    Return an extractor of the table.
+    Return an extractor by its name; the other arguments are :class:`ExtractorSettings`.
 
-    :param name: one of `EXTRACTORS`.
-    :param image_width: larger images are reduced to this width first, pixels.
-    :param max_features: features of an image at most; the dense ones keep their whole grid.
-    :param threads: CPU threads of the network's runtime, 0 for its own choice.
-    :param pooled: whether a network shall also give a vector of the whole image; the others have
-        none.
-    :raises PlaceRecognitionError: unknown name; what the extractor needs is missing or damaged.
+    :param name: a key of `EXTRACTORS`.
+    :raises PlaceRecognitionError: the name is unknown, or the package or weights of the extractor
+        are missing or damaged.
     """
     if name not in EXTRACTORS:
         raise PlaceRecognitionError(
             f'unknown extractor {name!r}, choose one of {", ".join(EXTRACTORS)}'
         )
-    return EXTRACTORS[name](Settings(image_width, max_features, threads, pooled))
+    return EXTRACTORS[name](ExtractorSettings(image_width, max_features, threads))

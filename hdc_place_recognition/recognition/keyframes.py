@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which images are stored: those that show something new, to a robot that moves."""
+"""Which images become keyframes: those that show something new, to a robot that moves."""
 
 from __future__ import annotations
 
@@ -50,20 +50,18 @@ class KeyframeSelector:
 
     def moved(self, vector: Hypervector, pose: Pose | None, params: Params) -> bool:
         """
-        Return whether an image differs from the last keyframe; it is the next one then.
+        Return whether an image differs from the last keyframe, and remember it if it does.
 
-        :param vector: (d,) float32, of the image; zeros are new to all, and no keyframe.
-        :param pose: of the robot when it was taken, None where that is not known.
+        :param vector: (d,) float32, the image descriptor. An image without features (zeros) always
+            differs, and does not replace the last keyframe.
+        :param pose: of the robot at the image, None if it is not known.
+        :param params: read are keyframe_similarity, keyframe_distance_m and keyframe_angle_deg.
         """
         if self._alike(vector, params) or self._beside(pose, params):
             return False
         if vector.any():
             self._vector, self._pose = vector, pose
         return True
-
-    def restart(self) -> None:
-        """Take the next image for new: another traverse begins."""
-        self._vector = self._pose = None
 
     def _alike(self, vector: Hypervector, params: Params) -> bool:
         if self._vector is None:

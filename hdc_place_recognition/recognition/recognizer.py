@@ -1,189 +1,302 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The recogniser: what the node and the offline tools both run."""
+"""The recognizer that the node and the offline tools share."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field
 from typing import Any
 
-from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.conversions.pixels import as_uint8
-from hdc_place_recognition.database.eviction import Limit
-from hdc_place_recognition.database.memory import Database
-from hdc_place_recognition.database.vector_store import Rows
+from hdc_place_recognition.database.base import (
+    Added,
+    Keyframe,
+    KeyframeDatabase,
+    Query,
+    SearchResult,
+)
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.local_features import Extractor
-from hdc_place_recognition.hdc.sequence import SequenceBundler
-from hdc_place_recognition.hdc.shifts import Shifts
+from hdc_place_recognition.hdc.algebra import Hypervector
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.frame_filter import nanoseconds, StampSelector
-from hdc_place_recognition.recognition.image_encoder import Looker
-from hdc_place_recognition.recognition.keyframes import KeyframeSelector, no_odometry, Odometry
+from hdc_place_recognition.recognition.frame_filter import nanoseconds
+from hdc_place_recognition.recognition.image_encoder import EncodedImage, ImageEncoder
 from hdc_place_recognition.recognition.stopwatch import Stopwatch
-from hdc_place_recognition.results import Candidate, Description, Detection, status_of
-from hdc_place_recognition.verification.verifier import Judge
+from hdc_place_recognition.recognition.traverse import Traverse
+from hdc_place_recognition.results import Candidate, Detection, Frame, Status
+from hdc_place_recognition.verification.verifier import CandidateVerifier
 from numpy.typing import NDArray
+
+_DEFAULT_CAMERA = Frame.camera
+
+
+@dataclass(frozen=True)
+class Observation:
+    """
+    An image as its traverse sees it: with the sequence it ends, and whether the robot moved.
+
+    :param query: what is compared with the keyframes.
+    :param camera: name of its camera, and so of its traverse.
+    :param clock_ns: time on the clock of the traverse.
+    :param n_features: number of local features.
+    :param watch: time of the stages so far.
+    """
+
+    query: Query
+    camera: str
+    clock_ns: int
+    n_features: int
+    watch: Stopwatch = field(default_factory=Stopwatch, compare=False)
 
 
 class PlaceRecognizer:
     """
-    Tells of each image which earlier ones show the same place.
+    Says for each image which keyframes show the same place, and stores it as a keyframe.
 
     :param params: may be replaced at any time; live parameters take effect with the next image.
-    :param extractor: of local features.
-    :param keypoints: extractor of what candidates are verified by, None to verify none.
-    :param rows: where the vectors of the database will be, in memory by default.
-    :ivar odometry: asked for the robot's pose at the stamp of each image; may be replaced.
+    :param encoder: encodes an image.
+    :param database: stores and finds keyframes.
+    :param verifier: decides which of those found are loop closures.
     """
 
     def __init__(
         self,
         params: Params,
-        extractor: Extractor,
-        keypoints: Extractor | None = None,
-        rows: Rows | None = None,
+        encoder: ImageEncoder,
+        database: KeyframeDatabase,
+        verifier: CandidateVerifier,
     ) -> None:
-        self.params = params
-        shifts = Shifts(params.displacements_x, params.displacements_y, params.displacement_step)
-        self.database = Database(
-            Rows(params.dimensions) if rows is None else rows,
-            len(shifts.offsets),
-            params.center_database,
-            extractor.identity,
-            shifts.groups,
-            Limit(params.max_keyframes, params.max_database_mb),
-        )
-        self._looker = Looker(params, extractor, keypoints, shifts)
-        self._sequence = SequenceBundler(
-            dimensions=params.dimensions, length=params.sequence_length, seed=params.seed
-        )
-        self.selector = StampSelector()
-        self._judge = Judge(shifts.offsets)
-        self._keyframes = KeyframeSelector()
-        self.odometry: Odometry = no_odometry
+        self.params, self.database = params, database
+        self._encoder, self._verifier = encoder, verifier
+        self._traverses: dict[str, Traverse] = {}
+        self._traverse_count = 0
+
+    @property
+    def identity(self) -> str:
+        """Return method, settings and weights of the local features in words."""
+        return self._encoder.identity
 
     @property
     def verifies(self) -> bool:
         """Return whether candidates are verified by their geometry."""
-        return self._looker.verifies
+        return self._encoder.verifies
 
-    @property
-    def camera(self) -> Camera | None:
-        """Return the camera, if it is calibrated; accepted candidates tell its rotation then."""
-        return self._judge.camera
+    def process(self, frame: Frame, params: Params | None = None) -> Detection:
+        """
+        Compare an image with the keyframes, then store it: one step of a robot.
 
-    @camera.setter
-    def camera(self, camera: Camera | None) -> None:
-        self._judge.camera = camera
+        :param frame: its stamp decides whether it is processed at all.
+        :param params: a snapshot to use instead of the current parameters.
+        :raises PlaceRecognitionError: it is no image; nothing is changed then.
+        """
+        params, image = params or self.params, as_uint8(frame.image)
+        # 1 Skip frames that come too soon.
+        traverse = self.traverse(frame.camera)
+        skipped = traverse.filter.accept(frame.stamp_ns, nanoseconds(params.min_interval_s))
+        if skipped is not None:
+            return Detection(frame.stamp_ns, skipped)
+        # 2 Encode: local features to one hypervector (Eq. 4), keypoints for verification.
+        watch = Stopwatch()
+        encoded = self._encoder.encode(image, watch)
+        query = self._query(frame.stamp_ns, encoded, traverse, params, watch)
+        traverse.filter.note_motion(query.moved)
+        # 3 Search the database, without the most recent keyframes.
+        result = self._search(
+            query,
+            params,
+            watch,
+            before_ns=traverse.filter.clock_ns - nanoseconds(params.exclude_recent_s),
+            skip_newest=params.exclude_recent_frames,
+        )
+        # 4 Verify the candidates: geometry, temporal consistency, score.
+        candidates = self._verify(query, result, traverse, params, watch)
+        # 5 Store the image if it is a new keyframe.
+        added, not_stored = self._store(query, traverse, result, watch)
+        return _detection(query, encoded.n_features, result, candidates, watch, added, not_stored)
+
+    def encode(self, image: NDArray[Any]) -> Hypervector:
+        """
+        Return the image descriptor (d,) float32, of unit length; leaves no trace.
+
+        :param image: (h, w) gray or (h, w, 3) BGR.
+        :raises PlaceRecognitionError: it is no image.
+        """
+        vectors = self._encoder.encode(as_uint8(image)).vectors
+        return vectors[len(vectors) // 2]
+
+    def skip_reason(
+        self, stamp_ns: int, camera: str = _DEFAULT_CAMERA, params: Params | None = None
+    ) -> Status | None:
+        """Return why a frame of this stamp would be skipped, None if it would not."""
+        interval_ns = nanoseconds((params or self.params).min_interval_s)
+        return self.traverse(camera).filter.skip_reason(stamp_ns, interval_ns)
+
+    def traverse(self, camera: str = _DEFAULT_CAMERA) -> Traverse:
+        """Return the traverse of a camera; its calibration and odometry may be set there."""
+        return self._traverses.get(camera) or self._new_traverse(camera)
+
+    def start_traverse(self, camera: str = _DEFAULT_CAMERA) -> Traverse:
+        """Begin another traverse: the next image does not continue those before it."""
+        before = self._traverses.get(camera)
+        traverse = self._new_traverse(camera)
+        if before is not None:
+            traverse.camera, traverse.odometry = before.camera, before.odometry
+        return traverse
 
     def warm_up(self, width: int, height: int) -> None:
         """Make the first image of this size take no longer than others; leaves no trace."""
-        self._looker.warm_up(width, height)
+        self._encoder.warm_up(width, height)
+        self._verifier.warm_up()
 
-    def process(self, stamp_ns: int, image: NDArray[Any]) -> Detection:
+    def observe(self, frame: Frame) -> Observation:
         """
-        Compare an image with those before it, then add it to them: the step of a robot.
+        Take an image into its traverse and into the mean of the database, whatever its stamp.
 
-        :param stamp_ns: header stamp of the image; decides whether it is processed at all.
-        :param image: (h, w) grey or (h, w, 3) BGR.
-        :raises PlaceRecognitionError: it is no image; nothing is changed then.
+        For evaluations that store and ask in an order of their own; a robot calls :meth:`process`.
         """
-        image = as_uint8(image)
-        skipped = self.selector.admit(stamp_ns, nanoseconds(self.params.min_interval_s))
-        if skipped is not None:
-            return Detection(stamp_ns, skipped)
-        description = self.describe(stamp_ns, image)
-        self.selector.note_motion(description.moved)
-        detection = self.recognize(description, rows=self._old_enough())
-        watch = Stopwatch(detection.milliseconds)
-        try:
-            with watch.stage('insert'):
-                detection = replace(detection, keyframe_id=self.learn(description))
-        except PlaceRecognitionError as error:
-            detection = replace(detection, not_stored=str(error))
-        forgotten = tuple(each.keyframe_id for each in self.database.last_forgotten)
-        return replace(detection, forgotten_ids=forgotten, milliseconds=watch.milliseconds)
+        params, watch, traverse = self.params, Stopwatch(), self.traverse(frame.camera)
+        encoded = self._encoder.encode(as_uint8(frame.image), watch)
+        query = self._query(frame.stamp_ns, encoded, traverse, params, watch)
+        return Observation(
+            query, frame.camera, traverse.filter.clock_ns, encoded.n_features, watch
+        )
 
-    def describe(self, stamp_ns: int, image: NDArray[Any]) -> Description:
+    def recognize(self, observation: Observation, *, without: int | None = None) -> Detection:
         """
-        Look at an image: return its hypervectors, or those of the sequence it ends.
+        Compare an observation with all keyframes, and store nothing.
 
-        An image of a robot that stands still does not count for the means.
+        :param without: id of a keyframe that is no candidate, such as the image itself.
         """
-        watch, image = Stopwatch(), as_uint8(image)
-        sight = self._looker.look(image, watch)
+        params, watch = self.params, Stopwatch(observation.watch.milliseconds)
+        query, traverse = observation.query, self.traverse(observation.camera)
+        result = self._search(query, params, watch, without=without)
+        candidates = self._verify(query, result, traverse, params, watch)
+        return _detection(query, observation.n_features, result, candidates, watch)
+
+    def store(self, observation: Observation) -> Added:
+        """
+        Store an observation as a keyframe, if it shows something new.
+
+        :raises PlaceRecognitionError: there is no storage for it; nothing is changed.
+        """
+        traverse, query = self.traverse(observation.camera), observation.query
+        if query.empty or not query.moved:
+            return Added()
+        return self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+
+    def _new_traverse(self, camera: str) -> Traverse:
+        clock_ns = max((known.filter.clock_ns for known in self._traverses.values()), default=0)
+        traverse = Traverse(self._traverse_count, self.params, self._verifier.settings, clock_ns)
+        self._traverses[camera] = traverse
+        self._traverse_count += 1
+        return traverse
+
+    def _query(
+        self,
+        stamp_ns: int,
+        encoded: EncodedImage,
+        traverse: Traverse,
+        params: Params,
+        watch: Stopwatch,
+    ) -> Query:
+        """Return the query of an image in its traverse; update the mean if the robot moved."""
         with watch.stage('encode'):
-            query = self._sequence.push(sight.vectors)
-        pose = self.odometry(stamp_ns)
-        moved = self._keyframes.moved(query[len(query) // 2], pose, self.params)
-        if moved and query.any():
+            vectors = traverse.sequence.push(encoded.vectors)
+        pose = traverse.odometry(stamp_ns)
+        moved = traverse.keyframes.moved(vectors[len(vectors) // 2], pose, params)
+        query = Query(stamp_ns, vectors, encoded.keypoints, moved)
+        if moved and not query.empty:
             with watch.stage('query'):
-                self.database.see(query)
-        return Description(
-            stamp_ns,
-            query,
-            sight.n_features,
-            moved,
-            sight.landmarks,
-            milliseconds=watch.milliseconds,
-        )
+                self.database.update_mean(query)
+        return query
 
-    def recognize(
-        self, description: Description, *, rows: int | None = None, skip_id: int | None = None
-    ) -> Detection:
-        """
-        Compare an image with those of the database, and store nothing there.
-
-        Images that are asked for one after the other support each other.
-
-        :param rows: only the first rows may be candidates; all by default.
-        :param skip_id: a keyframe that may not: the image itself, when all are compared with all.
-        """
-        watch = Stopwatch(description.milliseconds)
+    def _search(
+        self,
+        query: Query,
+        params: Params,
+        watch: Stopwatch,
+        *,
+        before_ns: int | None = None,
+        skip_newest: int = 0,
+        without: int | None = None,
+    ) -> SearchResult:
         with watch.stage('query'):
-            answer = self.database.ask(description.query, rows, exact=self.params.exact)
-        skip_row = None if skip_id is None else self.database.row(skip_id)
-        candidates: tuple[Candidate, ...] = ()
-        if not description.empty:
-            with watch.stage('query' if description.landmarks is None else 'verify'):
-                candidates = self._judge.candidates(
-                    description, answer, self.database, self.params, skip_row
-                )
-        return Detection(
-            description.stamp_ns,
-            status_of(description, candidates),
-            candidates,
-            answer.similarities,
-            n_features=description.n_features,
-            milliseconds=watch.milliseconds,
-        )
+            return self.database.search(
+                query,
+                max(params.top_k, params.verify_top_k),
+                before_ns=before_ns,
+                skip_newest=skip_newest,
+                without=without,
+                exact=params.exact,
+            )
 
-    def learn(self, description: Description) -> int | None:
-        """
-        Store an image and return its number.
+    def _verify(
+        self,
+        query: Query,
+        result: SearchResult,
+        traverse: Traverse,
+        params: Params,
+        watch: Stopwatch,
+    ) -> tuple[Candidate, ...]:
+        if query.empty:
+            return ()
+        with watch.stage('query' if query.keypoints is None else 'verify'):
+            return self._verifier.verify(query, result, traverse.temporal, traverse.camera, params)
 
-        :return: None where nothing, or nothing new, is seen, or a full database needs it not.
-        :raises PlaceRecognitionError: there is no room for it; nothing is changed.
-        """
-        if description.empty or not description.moved:
-            self.database.last_forgotten = ()
-            return None
-        stamp_ns, query = description.stamp_ns, description.query
-        clock_ns, landmarks = self.selector.clock_ns, description.landmarks
-        keyframe_id = self.database.add(stamp_ns, clock_ns, query, landmarks)
-        for forgotten in self.database.last_forgotten:
-            self._judge.consistency.forget(forgotten.row)
-        return keyframe_id
+    def _store(
+        self, query: Query, traverse: Traverse, result: SearchResult, watch: Stopwatch
+    ) -> tuple[Added, str]:
+        """Return what became of the keyframe, and why there was no room for it."""
+        twin = result.matches[0].keyframe_id if result.matches else None
+        with watch.stage('insert'):
+            if query.empty or not query.moved:
+                return Added(), ''
+            try:
+                keyframe = _keyframe(query, traverse.number, traverse.filter.clock_ns, twin)
+                return self.database.add(keyframe), ''
+            except PlaceRecognitionError as error:
+                return Added(), str(error)
 
-    def start_sequence(self) -> None:
-        """Begin another traverse: what comes next does not continue what came before."""
-        self._sequence.clear()
-        self.selector.restart()
-        self._judge.consistency.clear()
-        self._keyframes.restart()
 
-    def _old_enough(self) -> int:
-        """Return how many rows are old enough to be candidates: the first ones."""
-        limit_ns = self.selector.clock_ns - nanoseconds(self.params.exclude_recent_s)
-        return self.database.older_than(limit_ns, self.params.exclude_recent_frames)
+def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = None) -> Keyframe:
+    return Keyframe(
+        stamp_ns=query.stamp_ns,
+        clock_ns=clock_ns,
+        vector=query.unshifted,
+        keypoints=query.keypoints,
+        traverse=traverse,
+        twin=twin,
+    )
+
+
+def _detection(
+    query: Query,
+    n_features: int,
+    result: SearchResult,
+    candidates: tuple[Candidate, ...],
+    watch: Stopwatch,
+    added: Added | None = None,
+    not_stored: str = '',
+) -> Detection:
+    added = added or Added()
+    given = {} if result.similarities is None else {'similarities': result.similarities}
+    return Detection(
+        stamp_ns=query.stamp_ns,
+        status=_status(query, candidates),
+        candidates=candidates,
+        keyframe_id=added.keyframe_id,
+        not_stored=not_stored,
+        evicted_ids=added.evicted,
+        n_features=n_features,
+        milliseconds=watch.milliseconds,
+        **given,
+    )
+
+
+def _status(query: Query, candidates: tuple[Candidate, ...]) -> Status:
+    """Return what became of an image that was compared."""
+    if query.empty:
+        return Status.NO_FEATURES
+    if not candidates:
+        return Status.DATABASE_TOO_YOUNG
+    accepted = any(candidate.accepted for candidate in candidates)
+    return Status.ACCEPTED if accepted else Status.BELOW_THRESHOLD

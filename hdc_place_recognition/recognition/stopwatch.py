@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How long each stage takes; measured, never decided by."""
+"""How long each stage takes; measured, and never decided by."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Stopwatch:
     """
     Adds up the milliseconds of named stages.
 
-    :param so_far: what earlier ones have taken.
+    :param so_far: milliseconds of earlier stages.
     """
 
     def __init__(self, so_far: Mapping[str, float] | None = None) -> None:
@@ -21,7 +21,7 @@ class Stopwatch:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what happens inside."""
+        """Add the time spent inside to a stage."""
         start = perf_counter()
         yield
         spent = (perf_counter() - start) * 1000

@@ -3,8 +3,8 @@
 """
 Candidates as sensor_msgs/PointCloud2, in both directions.
 
-An ament_python package cannot define messages; a point cloud is a table with named and typed
-columns that C++ and Python read with their standard iterators and RViz shows as it is.
+An ament_python package cannot define messages. A point cloud is a table with named and typed
+columns, which C++ and Python read with standard iterators and RViz shows as it is.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hdc_place_recognition.camera import Quaternion
-from hdc_place_recognition.results import Candidate, Reason
+from hdc_place_recognition.results import Candidate, CANDIDATE_FIELDS, Reason
 from hdc_place_recognition.ros.keyframe_positions import Position
 import numpy as np
 from numpy.typing import NDArray
@@ -21,26 +21,10 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 _NS = 1_000_000_000
-_FORMATS = {
-    'x': 'f4',
-    'y': 'f4',
-    'z': 'f4',
-    'query_sec': 'i4',
-    'query_nanosec': 'u4',
-    'match_sec': 'i4',
-    'match_nanosec': 'u4',
-    'match_id': 'u4',
-    'similarity': 'f4',
-    'score': 'f4',
-    'inliers': 'i4',
-    'accepted': 'u1',
-    'shift_x': 'f4',
-    'shift_y': 'f4',
-    'reason': 'u1',
-    'qx': 'f4',
-    'qy': 'f4',
-    'qz': 'f4',
-    'qw': 'f4',
+_POSITION = ('x', 'y', 'z')
+_TYPES = {
+    **dict.fromkeys(_POSITION, 'f4'),
+    **{column.name: column.dtype for column in CANDIDATE_FIELDS},
 }
 _DATATYPES = {
     'f4': PointField.FLOAT32,
@@ -48,23 +32,25 @@ _DATATYPES = {
     'u4': PointField.UINT32,
     'u1': PointField.UINT8,
 }
-# Of the field reason: 0 for accepted, and so on in the order of the enumeration.
-REASONS = tuple(Reason)
-_UNKNOWN: Quaternion = (float('nan'),) * 4
-# Fields of four bytes on their boundaries, also from one point to the next.
+# Each field begins on a boundary of four bytes, also from one point to the next.
 CANDIDATE_DTYPE = np.dtype(
     {
-        'names': list(_FORMATS),
-        'formats': ['<' + kind for kind in _FORMATS.values()],
-        'offsets': [4 * index for index in range(len(_FORMATS))],
-        'itemsize': 4 * len(_FORMATS),
+        'names': list(_TYPES),
+        'formats': ['<' + dtype for dtype in _TYPES.values()],
+        'offsets': [4 * index for index in range(len(_TYPES))],
+        'itemsize': 4 * len(_TYPES),
     }
 )
 
 
 @dataclass(frozen=True)
 class PublishedCandidate:
-    """A candidate, and where the robot was at the match: metres, NaN where not known."""
+    """
+    A candidate as it is published.
+
+    :param candidate: as the recognizer found it.
+    :param position: of the robot at the match, meters; NaN if it is not known.
+    """
 
     candidate: Candidate
     position: Position
@@ -72,11 +58,15 @@ class PublishedCandidate:
 
 def candidates_message(header: Header, published: Sequence[PublishedCandidate]) -> PointCloud2:
     """
-    Return one point a candidate, in the order given; width 0 where there is none.
+    Return a message with one point a candidate, in the given order; width 0 for none.
 
     :param header: of the query image.
     """
-    table = np.array([_row(item) for item in published], CANDIDATE_DTYPE)
+    rows = [
+        (*found.position, *(column.get(found.candidate) for column in CANDIDATE_FIELDS))
+        for found in published
+    ]
+    table = np.array(rows, CANDIDATE_DTYPE)
     return PointCloud2(
         header=header,
         height=1,
@@ -84,8 +74,8 @@ def candidates_message(header: Header, published: Sequence[PublishedCandidate]) 
         is_bigendian=False,
         is_dense=False,
         fields=[
-            PointField(name=name, offset=4 * index, datatype=_DATATYPES[kind], count=1)
-            for index, (name, kind) in enumerate(_FORMATS.items())
+            PointField(name=name, offset=4 * index, datatype=_DATATYPES[dtype], count=1)
+            for index, (name, dtype) in enumerate(_TYPES.items())
         ],
         point_step=table.itemsize,
         row_step=table.nbytes,
@@ -95,17 +85,17 @@ def candidates_message(header: Header, published: Sequence[PublishedCandidate]) 
 
 def read_table(message: PointCloud2) -> NDArray[np.void]:
     """
-    Return the message's points as a structured array with the columns that it names.
+    Return the points of a message as a structured array with the columns that it names.
 
     :return: (width,) array, a view of the message's data.
     """
-    kinds = {number: kind for kind, number in _DATATYPES.items()}
+    dtypes = {number: dtype for dtype, number in _DATATYPES.items()}
     order = '>' if message.is_bigendian else '<'
     dtype = np.dtype(
         {
-            'names': [field.name for field in message.fields],
-            'formats': [order + kinds[field.datatype] for field in message.fields],
-            'offsets': [field.offset for field in message.fields],
+            'names': [column.name for column in message.fields],
+            'formats': [order + dtypes[column.datatype] for column in message.fields],
+            'offsets': [column.offset for column in message.fields],
             'itemsize': message.point_step,
         }
     )
@@ -113,47 +103,30 @@ def read_table(message: PointCloud2) -> NDArray[np.void]:
 
 
 def read_candidates(message: PointCloud2) -> list[PublishedCandidate]:
-    """Return what :func:`candidates_message` was made from; similarities are float32 exact."""
+    """Return the candidates of a message of :func:`candidates_message`; values are float32."""
     return [
-        PublishedCandidate(
-            Candidate(
-                query_stamp_ns=int(row['query_sec']) * _NS + int(row['query_nanosec']),
-                match_stamp_ns=int(row['match_sec']) * _NS + int(row['match_nanosec']),
-                match_id=int(row['match_id']),
-                similarity=float(row['similarity']),
-                score=float(row['score']),
-                inliers=int(row['inliers']),
-                accepted=bool(row['accepted']),
-                reason=REASONS[row['reason']],
-                shift_x=float(row['shift_x']),
-                shift_y=float(row['shift_y']),
-                rotation=_rotation(row),
-            ),
-            (float(row['x']), float(row['y']), float(row['z'])),
-        )
+        PublishedCandidate(_candidate(row), (float(row['x']), float(row['y']), float(row['z'])))
         for row in read_table(message)
     ]
 
 
-def _row(published: PublishedCandidate) -> tuple[float, ...]:
-    candidate = published.candidate
-    return (
-        *published.position,
-        *divmod(candidate.query_stamp_ns, _NS),
-        *divmod(candidate.match_stamp_ns, _NS),
-        candidate.match_id,
-        candidate.similarity,
-        candidate.score,
-        candidate.inliers,
-        candidate.accepted,
-        candidate.shift_x,
-        candidate.shift_y,
-        REASONS.index(candidate.reason),
-        *(candidate.rotation or _UNKNOWN),
+def _candidate(row: NDArray[np.void]) -> Candidate:
+    return Candidate(
+        query_stamp_ns=int(row['query_sec']) * _NS + int(row['query_nanosec']),
+        match_stamp_ns=int(row['match_sec']) * _NS + int(row['match_nanosec']),
+        match_id=int(row['match_id']),
+        similarity=float(row['similarity']),
+        score=float(row['score']),
+        inliers=int(row['inliers']),
+        accepted=bool(row['accepted']),
+        reason=tuple(Reason)[row['reason']],
+        shift_x=float(row['shift_x']),
+        shift_y=float(row['shift_y']),
+        rotation=_rotation(row),
     )
 
 
 def _rotation(row: NDArray[np.void]) -> Quaternion | None:
-    """Return the rotation of a point of the cloud, None where it is not known."""
+    """Return the rotation of a point of the cloud, None if it is not known."""
     x, y, z, w = (float(row[name]) for name in ('qx', 'qy', 'qz', 'qw'))
     return None if np.isnan(w) else (x, y, z, w)

@@ -12,13 +12,14 @@ from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.formats import NODE_NAME
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
 from hdc_place_recognition.recognition.frame_filter import nanoseconds
 from hdc_place_recognition.recognition.keyframes import Pose
-from hdc_place_recognition.results import Candidate, Detection, Status
+from hdc_place_recognition.results import Candidate, Detection, Frame, Status
 from hdc_place_recognition.ros.diagnostics import Diagnostics
 from hdc_place_recognition.ros.image_input import ImageInput
 from hdc_place_recognition.ros.keyframe_positions import KeyframePositions
+from hdc_place_recognition.ros.log_forwarding import forward_logs, stop_forwarding
 from hdc_place_recognition.ros.messages import candidates_message, PublishedCandidate
 from hdc_place_recognition.ros.node_statistics import Statistics
 from hdc_place_recognition.ros.parameters import RosParameters, unknown_overrides
@@ -30,20 +31,21 @@ from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
 
 _WARN_PERIOD_S = 5.0
-_SAY_WHY_S = 10.0
-# Of images, in pixels: other sizes cost the first image a few milliseconds.
+_STATUS_PERIOD_S = 10.0
+# Size of the image that the recognizer is warmed up with, pixels; the first image of another size
+# takes a few milliseconds longer.
 _USUAL_SIZE = (640, 480)
 _ODOMETRY_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class PlaceRecognitionNode(Node):
     """
-    Runs the recogniser on an image topic.
+    Runs the recognizer on an image topic.
 
-    Callbacks only take messages in; images are converted, recognised and answered in a worker
-    thread, so that parameters and services answer meanwhile.
+    Callbacks only receive messages. A worker thread converts and processes the images and
+    publishes the results, so that parameters and services stay responsive.
 
-    :param options: of rclpy's Node, for those who build the node into a process of their own.
+    :param options: of rclpy's Node, to build the node into another process.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -51,10 +53,12 @@ class PlaceRecognitionNode(Node):
         parameters = RosParameters(self, self._on_parameters)
         params = parameters.params
         self._warn_of_unknown()
+        self._log_forwarder = forward_logs(self.get_logger())
+        use_threads(params)
         self.recognizer = create_recognizer(params)
         self.recognizer.warm_up(*_USUAL_SIZE)
         self._positions = KeyframePositions(nanoseconds(params.odom_tolerance_s))
-        self.recognizer.odometry = self._positions.pose_before
+        self.recognizer.traverse().odometry = self._positions.pose_before
         self.statistics = Statistics()
         self._candidates = self.create_publisher(PointCloud2, '~/candidates', 10)
         self._closures = self.create_publisher(PointCloud2, '~/loop_closures', 10)
@@ -69,12 +73,13 @@ class PlaceRecognitionNode(Node):
         self._diagnostics = Diagnostics(self, self._input.problem, self._values)
         self.get_logger().info(
             f'listening to {self._input.topic} ({params.image_transport}, {params.image_qos}), '
-            f'features: {self.recognizer.database.extractor}'
+            f'features: {self.recognizer.identity}'
         )
 
     def destroy_node(self) -> None:
-        """End the worker before what it publishes with."""
+        """Stop the worker before the publishers that it uses are destroyed."""
         self.worker.stop(timeout_s=5.0)
+        stop_forwarding(self._log_forwarder)
         super().destroy_node()
 
     def _warn_of_unknown(self) -> None:
@@ -94,19 +99,20 @@ class PlaceRecognitionNode(Node):
         self._positions.add_odometry(stamp_ns(message), pose)
 
     def _on_camera_info(self, message: CameraInfo) -> None:
-        """Take the camera of the images; without one everything but their rotation is known."""
+        """Set the calibration of the camera; without it only rotations are unknown."""
+        traverse = self.recognizer.traverse()
         try:
             rectified = self.recognizer.params.image_rectified
-            self.recognizer.camera = camera_from_message(message, rectified=rectified)
+            traverse.camera = camera_from_message(message, rectified=rectified)
         except PlaceRecognitionError as error:
-            self.recognizer.camera = None
+            traverse.camera = None
             self.get_logger().warning(str(error), throttle_duration_sec=_WARN_PERIOD_S)
 
     def _on_image(self, message: Any) -> None:
         self.statistics.dropped += self.worker.put(message)
 
     def _answer(self, message: Any) -> None:
-        """Process an image in the worker's thread; whatever is wrong with it must not end it."""
+        """Process an image in the worker thread; no fault of an image may end the thread."""
         try:
             detection = self._recognized(message)
         except PlaceRecognitionError as error:
@@ -117,12 +123,13 @@ class PlaceRecognitionNode(Node):
             self._publish(message.header, detection)
 
     def _recognized(self, message: Any) -> Detection:
-        """Return the answer to an image; one that is passed over need not be decoded."""
-        stamp, recognizer = stamp_ns(message), self.recognizer
-        least_ns = nanoseconds(recognizer.params.min_interval_s)
-        if (objection := recognizer.selector.objection(stamp, least_ns)) is not None:
-            return Detection(stamp, objection)
-        return recognizer.process(stamp, image_from_message(message))
+        """Return the answer to an image, with one snapshot of the parameters."""
+        stamp, params = stamp_ns(message), self.recognizer.params
+        # An image that will be skipped is not decoded.
+        skipped = self.recognizer.skip_reason(stamp, params=params)
+        if skipped is not None:
+            return Detection(stamp, skipped)
+        return self.recognizer.process(Frame(stamp, image_from_message(message)), params)
 
     def _refuse(self, reason: str) -> None:
         self.statistics.fail(reason)
@@ -139,8 +146,8 @@ class PlaceRecognitionNode(Node):
         if detection.keyframe_id is not None:
             self._positions.add_keyframe(detection.keyframe_id, detection.stamp_ns)
         self._candidates.publish(candidates_message(header, self._located(detection.candidates)))
-        for forgotten_id in detection.forgotten_ids:
-            self._positions.forget(forgotten_id)
+        for evicted_id in detection.evicted_ids:
+            self._positions.evict(evicted_id)
         if detection.not_stored:
             self.get_logger().warning(
                 f'image not stored: {detection.not_stored}', throttle_duration_sec=_WARN_PERIOD_S
@@ -149,7 +156,9 @@ class PlaceRecognitionNode(Node):
             self._closures.publish(candidates_message(header, self._located(detection.accepted)))
             self.get_logger().info(closure_line(detection))
         else:
-            self.get_logger().info(self.statistics.last_status, throttle_duration_sec=_SAY_WHY_S)
+            self.get_logger().info(
+                self.statistics.last_status, throttle_duration_sec=_STATUS_PERIOD_S
+            )
 
     def _located(self, candidates: Sequence[Candidate]) -> list[PublishedCandidate]:
         return [
@@ -162,9 +171,9 @@ class PlaceRecognitionNode(Node):
         database = self.recognizer.database
         return {
             **self.statistics.values(),
-            'features': database.extractor,
-            'database images': str(len(database)),
-            'database images forgotten': str(database.forgotten),
+            'features': self.recognizer.identity,
+            'database keyframes': str(len(database)),
+            'database keyframes evicted': str(database.evicted_count),
             'database bytes': str(database.nbytes),
         }
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the node counts, for people who ask why nothing is found."""
+"""Counts and times of the node, for /diagnostics."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 import math
 
-from hdc_place_recognition.results import Detection, PASSED_OVER, Reason, Status
+from hdc_place_recognition.results import Detection, Reason, SKIPPED, Status
 
 # Weight of the newest image in the running means of milliseconds.
 _NEWEST = 0.1
@@ -19,7 +19,7 @@ class Statistics:
     """
     Counts since the start, and the last answer.
 
-    Each count is written by one thread only; a reader may see the others a moment late.
+    Each count is written by one thread only; a reader may see it a moment late.
     """
 
     received: int = 0
@@ -27,7 +27,7 @@ class Statistics:
     lost_by_dds: int = 0
     processed: int = 0
     failed: int = 0
-    passed_over: Counter[Status] = field(default_factory=Counter)
+    skipped: Counter[Status] = field(default_factory=Counter)
     accepted: int = 0
     reasons: Counter[Reason] = field(default_factory=Counter)
     last_status: str = 'waiting for the first image'
@@ -36,9 +36,9 @@ class Statistics:
     milliseconds: dict[str, float] = field(default_factory=dict)
 
     def note(self, detection: Detection) -> bool:
-        """Count an answer; return whether the image was processed rather than passed over."""
-        if detection.status in PASSED_OVER:
-            self.passed_over[detection.status] += 1
+        """Count an answer; return whether the image was processed, not skipped."""
+        if detection.status in SKIPPED:
+            self.skipped[detection.status] += 1
             return False
         self.processed += 1
         self.accepted += len(detection.accepted)
@@ -60,18 +60,18 @@ class Statistics:
         self.last_error = error
 
     def values(self) -> dict[str, str]:
-        """Return all of it in words."""
+        """Return all values as the text of diagnostics."""
         counts = {
             'images received': self.received,
             'images processed': self.processed,
             'images dropped while busy': self.dropped,
             'images lost by DDS': self.lost_by_dds,
             'images refused': self.failed,
-            **{f'images {status.value}': self.passed_over[status] for status in PASSED_OVER},
+            **{f'images {status.value}': self.skipped[status] for status in SKIPPED},
             'loop closures': self.accepted,
             **{f'best candidate {reason.value}': self.reasons[reason] for reason in Reason},
         }
-        # A copy: the worker's thread may add a stage meanwhile.
+        # A copy, since the worker thread may add a stage at any time.
         stages = {f'ms {name}': f'{spent:.2f}' for name, spent in dict(self.milliseconds).items()}
         return {
             **{name: str(count) for name, count in counts.items()},

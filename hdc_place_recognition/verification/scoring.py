@@ -1,126 +1,161 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From evidence to probability: a table fitted by `hdc_experiments calibrate`."""
+"""The score of a candidate: named terms of evidence, and the probability of a loop closure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hdc_place_recognition.database.base import Background
+from hdc_place_recognition.results import Reason
 from hdc_place_recognition.verification.geometry import Geometry
+from hdc_place_recognition.verification.settings import Calibration, VerificationSettings
 import numpy as np
-from numpy.typing import NDArray
 
-_CERTAIN = 1e-12
+_MAD_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Term:
     """
-    The logistic function that turns evidence into the probability of a true closure.
+    A named part of the evidence.
 
-    :param slope: positive, so that more evidence never means less probability.
-    :param centre: evidence at which true and false are equally likely.
+    :param reason: why a candidate is not accepted if this term costs most.
+    :param value: added to the evidence.
+    :param typical: value for a typical true closure.
     """
 
-    slope: float
-    centre: float
+    reason: Reason
+    value: float
+    typical: float = 0.0
 
-    def score(self, evidence: float) -> float:
-        """Return the probability, 0 to 1."""
-        return float(1 / (1 + np.exp(-self.slope * (evidence - self.centre))))
-
-    def evidence(self, score: float) -> float:
-        """Return the evidence that has a score."""
-        inside = np.clip(score, _CERTAIN, 1 - _CERTAIN)
-        return float(self.centre + np.log(inside / (1 - inside)) / self.slope)
-
-
-VERIFIED = Calibration(slope=2.26, centre=0.51)
-UNVERIFIED = Calibration(slope=2.17, centre=-2.53)
-
-
-# A similarity this many robust deviations above the row's median is as distinct as can be.
-_DEVIATIONS = 8.0
-_LEAST_DEVIATION = 0.02
-_MAD_TO_DEVIATION = 1.4826
-_ROWS_FOR_DISTRIBUTION = 8
-_LEAST = 0.05
-# Of the 16 cells; a scene that was recognised fills half of them.
-_FULL_SPREAD = 8
-# Inliers in fewer cells are one door or one poster, which may hang anywhere.
-LEAST_SPREAD = 5
-LEAST_INLIERS = 12
-LEAST_DISTINCTNESS = 0.5
-# At the first and last rows there are no neighbours that could fit better.
-_EDGE_ROWS = 2
-_EDGE_PENALTY = 1.0
-_DISTINCTNESS_WEIGHT = 0.75
-_SPREAD_WEIGHT = 1.5
-_SUPPORT_BONUS = 0.8
+    @property
+    def cost(self) -> float:
+        """Return how much evidence is missing against a typical true closure."""
+        return self.typical - self.value
 
 
 @dataclass(frozen=True)
 class Evidence:
     """
-    What is known of one candidate.
+    What is known of one candidate, as a sum of terms that are logarithms of likelihood ratios.
 
-    :param similarity: centred cosine, -1 to 1.
-    :param distinctness: how far it stands out from the row, 0.05 to 1.
-    :param at_edge: whether it is one of the first or last rows that were searched.
-    :param support: by the images before, 0 to 1.
-    :param geometry: None if it was not verified.
+    Few terms with fixed weights: a freely fitted form relied on similarity, and failed on the
+    next data set.
+
+    :param image: terms of the query image alone.
+    :param support: term of the images before it; None if there is no geometry.
+    :param geometry: None if the candidate was not verified.
     """
 
-    similarity: float
-    distinctness: float
-    at_edge: bool
-    support: float
+    image: tuple[Term, ...]
+    support: Term
     geometry: Geometry | None
 
     @property
     def strength(self) -> float:
-        """
-        Return the evidence of this image alone: a sum of logarithms that rises with each part.
-
-        Few parts with fixed weights: what was fitted freely leant on similarity, and failed on
-        the next set. Inliers without spread are no evidence at all.
-        """
-        geometry = self.geometry
-        if geometry is None:
-            return float(np.log(self.distinctness) + np.log(max(self.similarity, _LEAST)))
-        agreement = np.log1p(min(geometry.votes, geometry.inliers))
-        filled = _SPREAD_WEIGHT * np.log(np.clip(geometry.spread, 1, _FULL_SPREAD) / _FULL_SPREAD)
-        edge = _EDGE_PENALTY * self.at_edge
-        distinct = _DISTINCTNESS_WEIGHT * np.log(self.distinctness)
-        strength = float(agreement + distinct + filled - edge)
-        return strength if geometry.spread >= LEAST_SPREAD else min(strength, 0.0)
+        """Return the evidence of the query image alone."""
+        return float(sum(term.value for term in self.image))
 
     @property
     def total(self) -> float:
         """Return the evidence with the support of the images before."""
-        return self.strength + _SUPPORT_BONUS * self.support
+        return self.strength + self.support.value
+
+    @property
+    def reason(self) -> Reason:
+        """Return the reason of the term that cost most."""
+        return max((*self.image, self.support), key=lambda term: term.cost).reason
 
 
-class Distinctness:
+class Scorer:
     """
-    How far similarities stand out from all those of a query.
+    Weighs evidence.
 
-    :param similarities: (n,), of the query; where they are too few for a distribution, a value
-        itself counts.
+    :param settings: the numbers that decide.
+    :param verified: probability of candidates with geometry.
+    :param unverified: probability of candidates without.
     """
 
-    def __init__(self, similarities: NDArray[np.float32]) -> None:
-        self._median, self._scale = 0.0, 1.0
-        if len(similarities) >= _ROWS_FOR_DISTRIBUTION:
-            self._median = float(np.median(similarities))
-            away = float(np.median(np.abs(similarities - self._median)))
-            self._scale = (_MAD_TO_DEVIATION * away + _LEAST_DEVIATION) * _DEVIATIONS
+    def __init__(
+        self, settings: VerificationSettings, verified: Calibration, unverified: Calibration
+    ) -> None:
+        self.settings = settings
+        self._verified, self._unverified = verified, unverified
 
-    def of(self, value: float) -> float:
-        """Return that of one similarity, 0.05 to 1."""
-        return float(np.clip((value - self._median) / self._scale, _LEAST, 1.0))
+    def evidence(
+        self,
+        similarity: float,
+        background: Background,
+        geometry: Geometry | None,
+        *,
+        at_edge: bool,
+        support: float,
+    ) -> Evidence:
+        """
+        Return the evidence for a candidate.
 
+        :param similarity: centered cosine, -1 to 1.
+        :param background: of the similarities of the query.
+        :param geometry: None if it was not verified.
+        :param at_edge: whether it is one of the first or last keyframes that were searched.
+        :param support: by the images before, 0 to 1.
+        """
+        supported = Term(
+            Reason.NO_SUPPORT,
+            self.settings.support_weight * support,
+            self.settings.support_weight if geometry else 0.0,
+        )
+        distinctness = self.distinctness(similarity, background)
+        if geometry is None:
+            terms = self._without_geometry(similarity, distinctness)
+        else:
+            terms = self._with_geometry(distinctness, geometry, at_edge)
+        return Evidence(terms, supported, geometry)
 
-def at_edge(row: int, rows: int) -> bool:
-    """Return whether a row is one of the first or last of those searched, if they are many."""
-    return rows >= _ROWS_FOR_DISTRIBUTION and not _EDGE_ROWS <= row < rows - _EDGE_ROWS
+    def probability(self, evidence: Evidence) -> float:
+        """Return the probability of a true loop closure, 0 to 1."""
+        table = self._unverified if evidence.geometry is None else self._verified
+        return table.score(evidence.total)
+
+    def distinctness(self, similarity: float, background: Background) -> float:
+        """
+        Return how far a similarity stands out from the others of its query, 0.05 to 1.
+
+        Where these are too few for a distribution, the similarity itself counts.
+        """
+        settings, median, scale = self.settings, 0.0, 1.0
+        if background.count >= settings.background_count:
+            median = background.median
+            deviation = _MAD_TO_DEVIATION * background.deviation + settings.deviation_floor
+            scale = deviation * settings.deviations
+        return float(np.clip((similarity - median) / scale, settings.least_distinctness, 1.0))
+
+    def _without_geometry(self, similarity: float, distinctness: float) -> tuple[Term, ...]:
+        least = self.settings.least_distinctness
+        return (
+            Term(Reason.LIKE_MANY, float(np.log(distinctness))),
+            Term(Reason.UNLIKELY, float(np.log(max(similarity, least)))),
+        )
+
+    def _with_geometry(
+        self, distinctness: float, geometry: Geometry, at_edge: bool
+    ) -> tuple[Term, ...]:
+        settings = self.settings
+        agreeing = min(geometry.votes, geometry.inliers)
+        filled = np.clip(geometry.spread, 1, settings.full_spread) / settings.full_spread
+        terms = (
+            Term(
+                Reason.FEW_INLIERS,
+                float(np.log1p(agreeing)),
+                float(np.log1p(settings.typical_inliers)),
+            ),
+            Term(Reason.LIKE_MANY, float(settings.distinctness_weight * np.log(distinctness))),
+            Term(Reason.NO_SPREAD, float(settings.spread_weight * np.log(filled))),
+            Term(Reason.AT_EDGE, -settings.edge_penalty * at_edge),
+        )
+        if geometry.spread >= settings.least_spread:
+            return terms
+        # Inliers without spread are no evidence at all.
+        excess = max(sum(term.value for term in terms), 0.0)
+        return (*terms, Term(Reason.NO_SPREAD, -excess))

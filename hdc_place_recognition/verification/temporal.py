@@ -1,56 +1,52 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether successive images point to neighbouring places."""
+"""Temporal consistency: whether successive images match keyframes next to each other."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
+from hdc_place_recognition.verification.settings import VerificationSettings
 import numpy as np
 
-_IMAGES = 3
-# Rows that a match may move from one image to the next, and those it may be off anyway.
-_SPEED, _SLACK = 2, 2
-# From this strength on an image supports others, from that one fully.
-_FROM, _FULL = 1.45, 2.25
-_ENOUGH = 2.0
+# Returns how many keyframes two ids are apart in their traverse, None for different traverses.
+Distance = Callable[[int, int], int | None]
 
 
-class Consistency:
+class TemporalSupport:
     """
-    The best places of the last images, which support a candidate near them.
+    The best matches of the last images, which support a candidate near them.
 
-    Near in either direction: a path may be travelled backwards. Nothing waits for images to come.
+    A candidate may lie before or after them: a path may be traveled backwards. No decision waits
+    for images to come.
+
+    :param settings: the numbers that decide.
     """
 
-    def __init__(self) -> None:
-        self._places: deque[tuple[int, float]] = deque(maxlen=_IMAGES + 1)
+    def __init__(self, settings: VerificationSettings) -> None:
+        self._settings = settings
+        # One more than can support: an image that shows nothing new is not counted as a step.
+        self._matches: deque[tuple[int, float]] = deque(maxlen=settings.support_images + 1)
 
-    def support(self, row: int, moved: bool) -> float:
+    def of(self, keyframe_id: int, moved: bool, distance: Distance) -> float:
         """
-        Return how much the last images support a row, 0 to 1.
+        Return how much the last images support a keyframe, 0 to 1.
 
-        :param moved: whether the image shows something new; if not, the last one showed the
+        :param moved: whether the query shows something new. If not, the last image showed the
             same, and an image must not confirm itself.
+        :param distance: of two keyframes.
         """
-        # The last image is one step away, or the same place if the robot has not moved since.
-        ages = enumerate(reversed(self._places), start=1 if moved else 0)
-        weights = [
-            float(np.clip((strength - _FROM) / (_FULL - _FROM), 0, 1))
-            for age, (place, strength) in ages
-            if 1 <= age <= _IMAGES and abs(row - place) <= _SLACK + _SPEED * age
-        ]
-        return min(sum(weights), _ENOUGH) / _ENOUGH
+        settings = self._settings
+        span = settings.support_full - settings.support_from
+        weights = []
+        for age, (matched_id, strength) in enumerate(reversed(self._matches), 1 if moved else 0):
+            apart = distance(keyframe_id, matched_id)
+            reach = settings.support_slack + settings.support_speed * age
+            if 1 <= age <= settings.support_images and apart is not None and apart <= reach:
+                weights.append(float(np.clip((strength - settings.support_from) / span, 0, 1)))
+        return min(sum(weights), settings.support_enough) / settings.support_enough
 
-    def remember(self, row: int, strength: float) -> None:
-        """Note the best place of an image that shows something new."""
-        self._places.append((row, strength))
-
-    def forget(self, row: int) -> None:
-        """Follow the rows when one of them is taken out: those after it move up."""
-        places = [(place - (place > row), strength) for place, strength in self._places]
-        self._places = deque(places, self._places.maxlen)
-
-    def clear(self) -> None:
-        """Forget the images so far."""
-        self._places.clear()
+    def remember(self, keyframe_id: int, strength: float) -> None:
+        """Note the best match of an image that shows something new."""
+        self._matches.append((keyframe_id, strength))

@@ -1,264 +1,227 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which rows are worth a closer look."""
+"""Which candidates are loop closures: verification of the matches that the database found."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from hdc_place_recognition.camera import Camera, Quaternion, rotation
-from hdc_place_recognition.database.memory import Database
-from hdc_place_recognition.database.search import Answer
+from hdc_place_recognition.camera import Camera, Quaternion
+from hdc_place_recognition.database.base import KeyframeDatabase, Match, Query, SearchResult
+from hdc_place_recognition.features.compact import quantize
+from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.results import Candidate, Description, NOT_VERIFIED, Reason
-from hdc_place_recognition.verification import scoring
-from hdc_place_recognition.verification.geometry import verify
-from hdc_place_recognition.verification.scoring import (
-    at_edge,
-    Distinctness,
-    Evidence,
-    LEAST_DISTINCTNESS,
-    LEAST_INLIERS,
-    LEAST_SPREAD,
-)
-from hdc_place_recognition.verification.temporal import Consistency
+from hdc_place_recognition.results import Candidate, NOT_VERIFIED, Reason
+from hdc_place_recognition.verification.geometry import Geometry, verify_geometry
+from hdc_place_recognition.verification.rotation import relative_rotation
+from hdc_place_recognition.verification.scoring import Evidence, Scorer
+from hdc_place_recognition.verification.temporal import TemporalSupport
 import numpy as np
 from numpy.typing import NDArray
-
-# Rows this near to a better one show the same place.
-_RADIUS = 3
-
-
-def propose(similarities: NDArray[np.float32], count: int, skip_id: int | None) -> list[int]:
-    """
-    Return the rows of the highest similarities, best first; of equals the older first.
-
-    Of rows near to each other in time only the best is taken.
-
-    :param similarities: (n,).
-    :param count: rows at most.
-    :param skip_id: a row that is none.
-    """
-    left = similarities.astype(np.float32, copy=True)
-    if skip_id is not None and skip_id < len(left):
-        left[skip_id] = -np.inf
-    rows: list[int] = []
-    while len(rows) < min(count, len(left)):
-        row = int(np.argmax(left))
-        if left[row] == -np.inf:
-            break
-        rows.append(row)
-        near = slice(max(row - _RADIUS, 0), row + _RADIUS + 1)
-        left[near] = -np.inf
-    return rows
-
-
-def neighbours(row: int, rows: int) -> list[int]:
-    """Return the rows before and after one, of those there are."""
-    return [near for near in (row - 1, row + 1) if 0 <= near < rows]
-
-
-# A neighbour of the best row is as good if its geometry is nearly as strong.
-_AS_GOOD = 0.7
-# Rows further than this from the best may be another place, and rivals if they are nearly as
-# strong: such an image is of a place with look-alikes, and supports the next ones less.
-_ELSEWHERE_ROWS = 10
-_CLEAR_LEAD = 0.7
 
 
 @dataclass(frozen=True)
 class Hypothesis:
     """
-    A row that an image may be the place of.
+    A match that may be the place of the query.
 
-    :param evidence: what is known of it.
-    :param score: the probability that it is a true closure; 0 where it was not asked for.
-    :param elsewhere: whether the score is low because another place is better.
+    :param match: found by the database.
+    :param evidence: for it.
+    :param score: probability of a true closure; 0 if it was not verified.
+    :param other_place: whether the score is low because another place fits better.
     """
 
-    row: int
+    match: Match
     evidence: Evidence
     score: float = 0.0
-    elsewhere: bool = False
+    other_place: bool = False
 
 
-def best_of(looked: Iterable[Hypothesis]) -> Hypothesis:
-    """Return the row with most evidence."""
-    return max(looked, key=lambda each: each.evidence.total)
-
-
-def certainty(looked: Iterable[Hypothesis], best: Hypothesis) -> float:
-    """Return the strength of the best row, less what its lead over a rival elsewhere lacks."""
-    strength = best.evidence.strength
-    leads = [
-        strength - each.evidence.strength
-        for each in looked
-        if abs(each.row - best.row) > _ELSEWHERE_ROWS
-    ]
-    return strength - max(_CLEAR_LEAD - min(leads, default=_CLEAR_LEAD), 0.0)
-
-
-def rank(looked: Iterable[Hypothesis], best: Hypothesis) -> list[Hypothesis]:
+class CandidateVerifier:
     """
-    Return rows with their scores, best first.
+    Verifies the matches of one image after the other.
 
-    An image shows one place: another one can be true only as far as the best is not. A strong
-    second place is the same scene from elsewhere, and a closure there would bend the map.
-    """
-    most = _probability(best.evidence)
-    scored = []
-    for each in looked:
-        own = _probability(each.evidence)
-        elsewhere = not _same_place(each, best)
-        score = min(own, 1 - most) if elsewhere else own
-        scored.append(Hypothesis(each.row, each.evidence, score, elsewhere and score < own))
-    return sorted(scored, key=lambda each: (-each.score, -each.evidence.similarity))
-
-
-def _probability(evidence: Evidence) -> float:
-    verified = evidence.geometry is not None
-    table = scoring.VERIFIED if verified else scoring.UNVERIFIED
-    return table.score(evidence.total)
-
-
-def _same_place(looked: Hypothesis, best: Hypothesis) -> bool:
-    """Return whether a row is the best one, or next to it and nearly as good."""
-    if looked.row == best.row:
-        return True
-    geometry, strongest = looked.evidence.geometry, best.evidence.geometry
-    if geometry is None or strongest is None or abs(looked.row - best.row) > 1:
-        return False
-    return geometry.strength >= _AS_GOOD * strongest.strength
-
-
-class Judge:
-    """
-    Decides on the candidates of one image after the other.
-
-    :param offsets: (s, 2) float32, the displacements that images are compared under.
-    :ivar camera: that took the images, None if it is not calibrated.
+    :param database: that found them.
+    :param offsets: (s, 2) float32, the shifts under which images are compared.
+    :param scorer: weighs the evidence.
     """
 
-    def __init__(self, offsets: NDArray[np.float32]) -> None:
-        self.consistency = Consistency()
-        self.camera: Camera | None = None
-        self._offsets = offsets
+    def __init__(
+        self, database: KeyframeDatabase, offsets: NDArray[np.float32], scorer: Scorer
+    ) -> None:
+        self._database, self._offsets, self._scorer = database, offsets, scorer
+        self.settings = scorer.settings
 
-    def candidates(
+    def verify(
         self,
-        description: Description,
-        answer: Answer,
-        database: Database,
+        query: Query,
+        result: SearchResult,
+        temporal: TemporalSupport,
+        camera: Camera | None,
         params: Params,
-        skip_row: int | None,
     ) -> tuple[Candidate, ...]:
         """
-        Return the candidates of an image, best first, those accepted and others.
+        Return the candidates of an image, best first, accepted or not.
 
-        :param answer: how similar the rows are that may be candidates.
-        :param skip_row: one that may not.
+        :param query: the image.
+        :param result: what the database found for it.
+        :param temporal: the matches of the images before it; takes in its best one.
+        :param camera: that took the image, None if it is not calibrated.
+        :param params: read are top_k, verify_top_k and min_score.
         """
-        count = max(params.top_k, params.verify_top_k)
-        rows = propose(answer.similarities, count, skip_row)
-        if not rows:
+        if not result.matches:
             return ()
-        distinctness = Distinctness(answer.background)
-        look = _Look(description, answer, database, self.consistency, distinctness)
-        verified = rows if description.landmarks is None else rows[: params.verify_top_k]
-        looked = [look.at(row) for row in verified]
-        if description.landmarks is not None:
-            near = neighbours(best_of(looked).row, len(answer.similarities))
-            looked += [look.at(row) for row in near if row not in (*verified, skip_row)]
-        best = best_of(looked)
-        if description.moved and description.landmarks is not None:
-            self.consistency.remember(best.row, certainty(looked, best))
-        others = [row for row in rows if row not in verified]
-        judged = rank(looked, best)
-        judged += [Hypothesis(row, look.evidence(row)) for row in others]
+        image = _VerifiedImage(query, result, self._database, self._scorer, temporal)
+        verified = len(result.matches) if query.keypoints is None else params.verify_top_k
+        hypotheses = [image.hypothesis(match) for match in result.matches[:verified]]
+        if query.keypoints is not None:
+            hypotheses += [image.hypothesis(match) for match in image.next_to(hypotheses)]
+        best = strongest(hypotheses)
+        if query.moved and query.keypoints is not None:
+            temporal.remember(best.match.keyframe_id, self._certainty(hypotheses, best))
+        ranked = self._rank(hypotheses, best)
+        ranked += [image.unverified(match) for match in result.matches[verified:]]
         return tuple(
-            self._candidate(each, description, answer, database, params)
-            for each in judged[: params.top_k]
+            self._candidate(found, query, camera, params.min_score)
+            for found in ranked[: params.top_k]
         )
+
+    def warm_up(self) -> None:
+        """Make the libraries set up what they set up on first use; leaves no trace."""
+        rng = np.random.default_rng(0)
+        keypoints = quantize(
+            LocalFeatures(
+                keypoints=rng.uniform(0, 200, (50, 2)).astype(np.float32),
+                descriptors=rng.random((50, 128), np.float32),
+                width=320,
+                height=240,
+                sizes=np.full(50, 4, np.float32),
+                angles=np.zeros(50, np.float32),
+            )
+        )
+        verify_geometry(keypoints, keypoints, self.settings)
+
+    def _certainty(self, hypotheses: Sequence[Hypothesis], best: Hypothesis) -> float:
+        """Return the strength of the best match, less what its lead over a rival lacks."""
+        strength, clear = best.evidence.strength, self.settings.clear_lead
+        leads = [
+            strength - other.evidence.strength
+            for other in hypotheses
+            if self._apart(other, best) > self.settings.elsewhere
+        ]
+        return strength - max(clear - min(leads, default=clear), 0.0)
+
+    def _rank(self, hypotheses: Sequence[Hypothesis], best: Hypothesis) -> list[Hypothesis]:
+        """
+        Return the hypotheses with their scores, best first.
+
+        An image shows one place: another place is true only as far as the best one is not. A
+        strong second place is the same scene from elsewhere, and a closure there would bend the
+        map.
+        """
+        most = self._scorer.probability(best.evidence)
+        scored = []
+        for found in hypotheses:
+            own = self._scorer.probability(found.evidence)
+            score = own if self._same_place(found, best) else min(own, 1 - most)
+            scored.append(replace(found, score=score, other_place=score < own))
+        return sorted(scored, key=lambda found: (-found.score, -found.match.similarity))
+
+    def _same_place(self, found: Hypothesis, best: Hypothesis) -> bool:
+        """Return whether a match is the best one, or next to it and nearly as strong."""
+        if found.match.keyframe_id == best.match.keyframe_id:
+            return True
+        geometry, strongest_one = found.evidence.geometry, best.evidence.geometry
+        if geometry is None or strongest_one is None or self._apart(found, best) > 1:
+            return False
+        return geometry.strength >= self.settings.equal_neighbor * strongest_one.strength
+
+    def _apart(self, first: Hypothesis, second: Hypothesis) -> float:
+        """Return how many keyframes two matches are apart; infinite across traverses."""
+        apart = self._database.distance(first.match.keyframe_id, second.match.keyframe_id)
+        return np.inf if apart is None else apart
 
     def _candidate(
-        self,
-        looked: Hypothesis,
-        description: Description,
-        answer: Answer,
-        database: Database,
-        params: Params,
+        self, found: Hypothesis, query: Query, camera: Camera | None, min_score: float
     ) -> Candidate:
-        geometry = looked.evidence.geometry
-        shift_x, shift_y = self._offsets[answer.displacements[looked.row]].tolist()
+        geometry = found.evidence.geometry
+        shift_x, shift_y = self._offsets[found.match.shift].tolist()
         if geometry is not None and geometry.votes:
             shift_x, shift_y = geometry.shift_x, geometry.shift_y
-        accepted = looked.score >= params.min_score
+        accepted = found.score >= min_score
         return Candidate(
-            query_stamp_ns=description.stamp_ns,
-            match_stamp_ns=database.stamps_ns[looked.row],
-            match_id=database.ids[looked.row],
-            similarity=looked.evidence.similarity,
-            score=looked.score,
+            query_stamp_ns=query.stamp_ns,
+            match_stamp_ns=self._database.get(found.match.keyframe_id).stamp_ns,
+            match_id=found.match.keyframe_id,
+            similarity=found.match.similarity,
+            score=found.score,
             inliers=NOT_VERIFIED if geometry is None else geometry.inliers,
             accepted=accepted,
-            reason=Reason.ACCEPTED if accepted else _reason(looked, description),
+            reason=Reason.ACCEPTED if accepted else _reason(found, query),
             shift_x=float(np.float32(shift_x)),
             shift_y=float(np.float32(shift_y)),
-            rotation=self._rotation(looked, description) if accepted else None,
+            rotation=_rotation(found, query, camera) if accepted else None,
         )
-
-    def _rotation(self, looked: Hypothesis, description: Description) -> Quaternion | None:
-        """Return how the camera has turned since the earlier image, None if that is not known."""
-        camera, landmarks = self.camera, description.landmarks
-        geometry = looked.evidence.geometry
-        if camera is None or geometry is None or landmarks is None:
-            return None
-        return rotation(camera, geometry.pairs) if camera.took(landmarks.aspect) else None
 
 
 @dataclass(frozen=True)
-class _Look:
-    """Collects what is known of rows, seen from one image."""
+class _VerifiedImage:
+    """Collects the evidence for matches of one image."""
 
-    description: Description
-    answer: Answer
-    database: Database
-    consistency: Consistency
-    distinctness: Distinctness
+    query: Query
+    result: SearchResult
+    database: KeyframeDatabase
+    scorer: Scorer
+    temporal: TemporalSupport
 
-    def at(self, row: int) -> Hypothesis:
-        """Return the row with all that can be known."""
-        return Hypothesis(row, self.evidence(row, verified=True))
+    def hypothesis(self, match: Match) -> Hypothesis:
+        """Return a match with the evidence of similarity, time and geometry."""
+        query, keyframe = self.query.keypoints, self.database.get(match.keyframe_id).keypoints
+        if query is None or keyframe is None:
+            return self.unverified(match)
+        return self._with(match, verify_geometry(query, keyframe, self.scorer.settings))
 
-    def evidence(self, row: int, *, verified: bool = False) -> Evidence:
-        """Return what similarity and time say of a row and, if wanted, geometry."""
-        similarities = self.answer.similarities
-        query, earlier = self.description.landmarks, self.database.landmarks[row]
-        geometry = None
-        if verified and query is not None and earlier is not None:
-            geometry = verify(query, earlier)
-        return Evidence(
-            similarity=float(similarities[row]),
-            distinctness=self.distinctness.of(float(similarities[row])),
-            at_edge=at_edge(row, len(similarities)),
-            support=self.consistency.support(row, self.description.moved),
-            geometry=geometry,
+    def unverified(self, match: Match) -> Hypothesis:
+        """Return a match with the evidence of similarity and time."""
+        return self._with(match, None)
+
+    def next_to(self, hypotheses: Sequence[Hypothesis]) -> list[Match]:
+        """Return the neighbors of the strongest match that were not verified yet."""
+        known = {found.match.keyframe_id for found in hypotheses}
+        near = self.database.neighbors(strongest(hypotheses).match.keyframe_id)
+        others = self.result.others
+        return [others[found] for found in near if found in others and found not in known]
+
+    def _with(self, match: Match, geometry: Geometry | None) -> Hypothesis:
+        support = self.temporal.of(match.keyframe_id, self.query.moved, self.database.distance)
+        evidence = self.scorer.evidence(
+            match.similarity,
+            self.result.background,
+            geometry,
+            at_edge=match.at_edge,
+            support=support,
         )
+        return Hypothesis(match, evidence)
 
 
-def _reason(looked: Hypothesis, description: Description) -> Reason:
-    """Return the first of the reasons why a row is not accepted."""
-    evidence, geometry = looked.evidence, looked.evidence.geometry
-    if looked.elsewhere:
+def strongest(hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    """Return the hypothesis with most evidence."""
+    return max(hypotheses, key=lambda found: found.evidence.total)
+
+
+def _reason(found: Hypothesis, query: Query) -> Reason:
+    """Return why a candidate is not accepted."""
+    if found.other_place:
         return Reason.ANOTHER_PLACE
-    if geometry is None and description.landmarks is not None:
+    if found.evidence.geometry is None and query.keypoints is not None:
         return Reason.NOT_VERIFIED
-    reasons = {
-        Reason.FEW_INLIERS: geometry and min(geometry.votes, geometry.inliers) < LEAST_INLIERS,
-        Reason.NO_SPREAD: geometry and geometry.spread < LEAST_SPREAD,
-        Reason.LIKE_MANY: evidence.distinctness < LEAST_DISTINCTNESS,
-        Reason.AT_EDGE: geometry and evidence.at_edge,
-        Reason.NO_SUPPORT: geometry and not evidence.support,
-    }
-    return next((reason for reason, holds in reasons.items() if holds), Reason.UNLIKELY)
+    return found.evidence.reason
+
+
+def _rotation(found: Hypothesis, query: Query, camera: Camera | None) -> Quaternion | None:
+    """Return how the camera has turned since the keyframe, None if that is not known."""
+    geometry, keypoints = found.evidence.geometry, query.keypoints
+    if camera is None or geometry is None or keypoints is None:
+        return None
+    return relative_rotation(camera, geometry.pairs) if camera.fits(keypoints.aspect) else None

@@ -16,6 +16,7 @@ from hdc_place_recognition.benchmark.vectors import Crowd, World
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.results import Frame
 import numpy as np
 import pytest
 
@@ -74,7 +75,7 @@ def test_database_of_the_node_holds_the_drive_again():
     recognizer = create_recognizer(Params(extractor='gradient_grid'))
     fill(recognizer, drive)
     assert len(recognizer.database) == 60
-    first = recognizer.process(10**18, street(drive.images, drive.width, drive.height)[0])
+    first = recognizer.process(Frame(10**18, street(drive.images, drive.width, drive.height)[0]))
     rows = [candidate.match_id for candidate in first.candidates if candidate.similarity > 0.5]
     assert sorted(rows) == [0, 30]
     assert all(candidate.inliers > 30 for candidate in first.candidates[:2])

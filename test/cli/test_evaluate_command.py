@@ -11,7 +11,7 @@ import cv2
 from hdc_place_recognition.cli import evaluate
 from hdc_place_recognition.evaluation import plots
 from hdc_place_recognition.params.formats import load_yaml
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.recognition.factory import assemble
 import numpy as np
 import pytest
 
@@ -44,7 +44,7 @@ SMALL = ['--dimensions', '512', '--min-score', '0.8', '--top-k', '3']
 def tiny_extractor(monkeypatch):
     """Give the command an extractor without weights."""
     monkeypatch.setattr(
-        evaluate, 'create_recognizer', lambda params: PlaceRecognizer(params, CellExtractor())
+        evaluate, 'create_recognizer', lambda params: assemble(params, CellExtractor())
     )
 
 

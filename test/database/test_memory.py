@@ -1,177 +1,94 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The database against formulas written out."""
+"""What is particular to the database in memory: growth, means in any order, bytes."""
 
-from hdc_place_recognition.database.eviction import Limit
-from hdc_place_recognition.database.memory import Database
-from hdc_place_recognition.database.vector_store import Rows
+from hdc_place_recognition.database.base import Keyframe, Query
+from hdc_place_recognition.database.eviction import Capacity
+from hdc_place_recognition.database.memory import MemoryDatabase
+from hdc_place_recognition.database.vector_store import VectorStore
 from hdc_place_recognition.hdc.algebra import normalize
 import numpy as np
 from numpy.typing import NDArray
 import pytest
 
-Queries = NDArray[np.float32]
 
-
-def images(count: int, forms: int = 3, dimensions: int = 64) -> Queries:
-    """Return (count, forms, dimensions) queries with a common part, for centring to take away."""
+def images(count: int, shifts: int = 3, dimensions: int = 64) -> NDArray[np.float32]:
+    """Return (count, shifts, dimensions) queries with a common part for centering to subtract."""
     rng = np.random.default_rng(0)
-    common = rng.standard_normal((forms, dimensions))
-    own = rng.standard_normal((count, forms, dimensions))
+    common = rng.standard_normal((shifts, dimensions))
+    own = rng.standard_normal((count, shifts, dimensions))
     return normalize((own + common).astype(np.float32))
 
 
-def filled(queries: Queries, *, center: bool = True) -> Database:
-    database = Database(Rows(queries.shape[2]), queries.shape[1], center, 'test')
-    for index, query in enumerate(queries):
-        database.see(query)
-        assert database.add(index * 10, index * 10, query) == index
+def add(database: MemoryDatabase, number: int, vectors: NDArray[np.float32]) -> int | None:
+    keyframe = Keyframe(number, number, vectors[len(vectors) // 2])
+    return database.add(keyframe).keyframe_id
+
+
+def filled(vectors: NDArray[np.float32]) -> MemoryDatabase:
+    database = MemoryDatabase(VectorStore(vectors.shape[2]), vectors.shape[1], True)
+    for number, image in enumerate(vectors):
+        database.update_mean(Query(number, image))
+        assert add(database, number, image) == number
     return database
 
 
-def cosines(query: Queries, rows: Queries, seen: Queries) -> tuple[Queries, NDArray[np.intp]]:
-    """Return similarities and displacements as the docstring has them, in float64."""
-    means = seen.astype(np.float64).mean(axis=0)
-    a, b = query - means, rows[:, 1] - means[1]
-    table = b @ a.T / np.linalg.norm(b, axis=1)[:, None] / np.linalg.norm(a, axis=1)
-    return table.max(axis=1), table.argmax(axis=1)
+@pytest.mark.parametrize('count', [1024, 1025, 2500])
+def test_centered_cosine_over_many_chunks(count):
+    vectors = images(count + 1)
+    database = filled(vectors[:-1])
+    database.update_mean(Query(0, vectors[-1]))
+    found = database.search(Query(0, vectors[-1]), 1, exact=True).similarities
+    means = vectors.astype(np.float64).mean(axis=0)
+    asked, rows = vectors[-1] - means, vectors[:-1, 1] - means[1]
+    table = rows @ asked.T / np.linalg.norm(rows, axis=1)[:, None]
+    cosines = (table / np.linalg.norm(asked, axis=1)).max(axis=1)
+    assert found.dtype == np.float32 and found.shape == (count,)
+    assert np.allclose(found, cosines, atol=1e-6)
 
 
-@pytest.mark.parametrize('count', [2, 50, 1024, 1025, 2500])
-def test_centred_cosine_under_the_best_displacement(count):
-    queries = images(count + 1)
-    database = filled(queries[:-1])
-    database.see(queries[-1])
-    found = database.ask(queries[-1], exact=True)
-    similarities, displacements = cosines(queries[-1], queries[:-1], queries)
-    assert found.similarities.dtype == np.float32 and found.similarities.shape == (count,)
-    assert np.allclose(found.similarities, similarities, atol=1e-6)
-    assert np.array_equal(found.displacements, displacements)
-    assert set(found.displacements) == ({0, 1, 2} if count > 2 else set(displacements))
-
-
-def test_without_centring_it_is_the_cosine():
-    queries = images(20)
-    found = filled(queries[:-1], center=False).ask(queries[-1] * 3)
-    assert np.allclose(
-        found.similarities, (queries[:-1, 1] @ queries[-1].T).max(axis=1), atol=1e-6
-    )
-
-
-def test_mean_is_of_all_images_seen_stored_or_not():
-    queries = images(30)
-    database = filled(queries[:10])
-    for query in queries[10:20]:
-        database.see(query)
-    found = database.ask(queries[-1]).similarities
-    assert len(found) == 10
-    assert np.allclose(found, cosines(queries[-1], queries[:10], queries[:20])[0], atol=1e-6)
-
-
-def test_rows_added_late_know_the_mean_too():
-    queries = images(30)
-    database = filled(queries[:10])
-    for query in queries[10:20]:
-        database.see(query)
-    database.add(0, 0, queries[20])
-    found = database.ask(queries[-1]).similarities
-    rows = queries[[*range(10), 20]]
-    assert np.allclose(found, cosines(queries[-1], rows, queries[:20])[0], atol=1e-6)
-
-
-def test_asking_changes_nothing():
-    queries = images(6)
-    asked = Database(Rows(64), 3, True, 'test')
-    for index, query in enumerate(queries[:5]):
-        asked.ask(query)
-        asked.see(query)
-        asked.ask(query)
-        asked.add(index, index, query)
-    found, expected = asked.ask(queries[5]), filled(queries[:5]).ask(queries[5])
-    assert np.array_equal(found.similarities, expected.similarities)
-
-
-def test_one_form_in_any_order_of_calls():
+@pytest.mark.parametrize('shifts', [1, 3])
+def test_any_order_of_calls(shifts):
     rng = np.random.default_rng(1)
-    queries = images(400, forms=1)
-    database = Database(Rows(64), 1, True, 'test', limit=Limit(100))
+    vectors = images(400, shifts)
+    database = MemoryDatabase(VectorStore(64), shifts, True, capacity=Capacity(100))
     seen: list[int] = []
-    for index, query in enumerate(queries):
-        action = rng.integers(4)
+    for number, image in enumerate(vectors):
+        query, action = Query(number, image), rng.integers(4)
         if action:
-            database.see(query)
-            seen.append(index)
+            database.update_mean(query)
+            seen.append(number)
         if action > 1 and len(database):
-            count = int(rng.integers(1, len(database) + 1)) if action == 2 else len(database)
-            found = database.ask(query, count, exact=True).similarities
-            means = queries[seen].astype(np.float64).mean(axis=0)
-            rows = queries[list(database.ids)[:count], 0] - means
-            expected = rows @ (query - means)[0] / np.linalg.norm(query - means)
-            expected /= np.linalg.norm(rows, axis=1)
-            assert np.allclose(found, expected, atol=1e-6)
-        # Numbers are those of images that were added: all of them.
-        database.add(index, index, query)
-    assert len(database) == 100 and database.forgotten == 300
+            left_out = int(rng.integers(0, len(database))) if action == 2 else 0
+            found = database.search(query, 1, skip_newest=left_out, exact=True).similarities
+            means = vectors[seen].astype(np.float64).mean(axis=0)
+            ids = database.ids[: len(database) - left_out]
+            rows = vectors[list(ids), shifts // 2] - means[shifts // 2]
+            asked = image - means
+            table = rows @ asked.T / np.linalg.norm(rows, axis=1)[:, None]
+            cosines = (table / np.linalg.norm(asked, axis=1)).max(axis=1)
+            assert np.allclose(found, cosines, atol=1e-6)
+        # An id is that of the images that were added, which are all of them.
+        add(database, number, image)
+    assert len(database) == 100 and database.evicted_count == 300
 
 
-def test_a_query_just_seen_needs_one_pass_over_the_rows(monkeypatch):
-    queries = images(60, forms=1)
-    database = filled(queries[:50])
-    database.ask(queries[50], exact=True)
-    passes = []
-    products = Rows.products
-
-    def counted(self, probes, count, first=0):
-        passes.append((len(probes), count - first))
-        return products(self, probes, count, first)
-
-    monkeypatch.setattr(Rows, 'products', counted)
-    database.see(queries[51])
-    database.ask(queries[51], exact=True)
-    assert sum(probes * rows for probes, rows in passes) == 50
-
-
-def test_first_rows_only():
-    queries = images(9)
-    database = filled(queries[:-1])
-    whole = database.ask(queries[-1]).similarities
-    assert np.array_equal(database.ask(queries[-1], 3).similarities, whole[:3])
-    assert database.ask(queries[-1], 0).similarities.shape == (0,)
-
-
-def test_nothing_to_compare_is_zero_not_nan():
-    database = Database(Rows(4), 1, True, 'test')
-    query = np.array([[1, 0, 0, 0]], np.float32)
-    assert database.ask(query).similarities.shape == (0,)
-    database.see(query)
-    database.add(0, 0, query)
-    # The only row is the mean: nothing of it is left.
-    assert database.ask(query).similarities.tolist() == [0]
-    zero = np.zeros((1, 4), np.float32)
-    database.add(1, 1, zero)
-    assert np.isfinite(database.ask(zero).similarities).all()
-
-
-def test_older_than_by_time_and_by_count():
-    database = filled(images(10))  # clock 0, 10, ..., 90
-    assert database.older_than(45, 0) == 5
-    assert database.older_than(50, 0) == 6
-    assert database.older_than(1000, 3) == 7
-    assert database.older_than(45, 8) == 2
-    assert database.older_than(-1, 0) == 0
-    assert database.older_than(1000, 20) == 0
-
-
-def test_growth_moves_no_row():
-    queries = images(257)
-    database = filled(queries[:256])
-    first, held = database._rows.vector(0), database.nbytes
-    database.add(0, 0, queries[256])
-    assert np.shares_memory(database._rows.vector(0), first)
+def test_growth_moves_no_vector():
+    vectors = images(257)
+    database = filled(vectors[:256])
+    first, held = database.get(0).vector, database.nbytes
+    add(database, 256, vectors[256])
+    assert np.shares_memory(database.get(0).vector, first)
     assert database.nbytes == held * 257 / 256
 
 
-def test_stamps_are_exact():
-    database = Database(Rows(2), 1, True, 'test')
-    database.add(1_776_863_762_100_071_637, 0, np.array([[1, 0]], np.float32))
-    assert list(database.stamps_ns) == [1_776_863_762_100_071_637]
+def test_two_traverses_do_not_disturb_each_other():
+    vectors = images(24)
+    mixed = MemoryDatabase(VectorStore(64), 3, False, capacity=Capacity(16))
+    for number, image in enumerate(vectors):
+        keyframe = Keyframe(number, number, image[1], traverse=number % 2)
+        mixed.add(keyframe)
+    for keyframe_id in mixed.ids:
+        near = mixed.neighbors(keyframe_id)
+        assert near and all(found % 2 == keyframe_id % 2 for found in near)
+        assert all(mixed.distance(keyframe_id, found) == 1 for found in near)

@@ -3,9 +3,10 @@
 """Two stages against the exact search, and the signs that they go by."""
 
 from hdc_place_recognition.database import memory, search, sign_index
-from hdc_place_recognition.database.memory import Database
-from hdc_place_recognition.database.sign_index import SignTable
-from hdc_place_recognition.database.vector_store import Rows
+from hdc_place_recognition.database.base import Keyframe, Query, SearchResult
+from hdc_place_recognition.database.memory import MemoryDatabase
+from hdc_place_recognition.database.sign_index import SignIndex
+from hdc_place_recognition.database.vector_store import VectorStore
 from hdc_place_recognition.hdc.algebra import normalize
 from hdc_place_recognition.hdc.shifts import Shifts
 import numpy as np
@@ -17,7 +18,7 @@ DIMENSIONS = 1024
 
 
 def places(count: int) -> Queries:
-    """Return (count, 9, d) images with a common part and forms that resemble their neighbours."""
+    """Return (count, 9, d) images with a common part, and shifts that resemble their neighbors."""
     rng = np.random.default_rng(0)
     own = rng.standard_normal((count, 4, 4, DIMENSIONS), np.float32)
     forms = own[:, :3, :3] + own[:, 1:, :3] + own[:, :3, 1:] + own[:, 1:, 1:]
@@ -25,99 +26,106 @@ def places(count: int) -> Queries:
     return normalize(forms.reshape(count, 9, -1) / 2 + common)
 
 
-def displaced(queries: Queries, noise: float = 0.5) -> Queries:
-    """Return the images again: displaced by as much as there are forms for, and noisy."""
+def shifted(queries: Queries, noise: float = 0.5) -> Queries:
+    """Return the images again: shifted by as much as there are shifts for, and noisy."""
     rng = np.random.default_rng(1)
     turned = np.roll(queries, 1, axis=1)
     return normalize(turned + noise * rng.standard_normal(turned.shape, np.float32) / 32)
 
 
+def fill(queries: Queries) -> MemoryDatabase:
+    database = MemoryDatabase(VectorStore(DIMENSIONS), 9, True)
+    for number, query in enumerate(queries):
+        database.update_mean(Query(number, query))
+        database.add(Keyframe(number, number, query[4]))
+    return database
+
+
+def search_row(database: MemoryDatabase, query: Queries, **options: object) -> Queries:
+    return database.search(Query(0, query), 10, **options).similarities
+
+
+def best(database: MemoryDatabase, query: Queries, **options: object) -> SearchResult:
+    return database.search(Query(0, query), 1, **options).matches[0]
+
+
 @pytest.fixture
-def filled(monkeypatch: pytest.MonkeyPatch) -> tuple[Database, Queries]:
+def filled(monkeypatch: pytest.MonkeyPatch) -> tuple[MemoryDatabase, Queries]:
     """Return a database of 1500 places that searches in two stages from 700 on."""
     monkeypatch.setattr(memory, 'TWO_STAGES_FROM', 700)
     monkeypatch.setattr(search, '_NEAREST', 100)
-    one, queries = Database(Rows(DIMENSIONS), 9, True, 'test'), places(1500)
-    for index, query in enumerate(queries):
-        one.see(query)
-        one.add(index, index, query)
-    return one, queries
+    queries = places(1500)
+    return fill(queries), queries
 
 
 def test_finds_the_same_as_the_exact_search(filled):
-    one, queries = filled
-    for query in displaced(queries[::50]):
-        fast, exact = one.ask(query), one.ask(query, exact=True)
-        best = exact.similarities.argmax()
-        assert fast.similarities.argmax() == best
-        assert fast.similarities[best] == pytest.approx(exact.similarities[best], abs=1e-6)
-        assert fast.displacements[best] == exact.displacements[best]
+    database, queries = filled
+    for query in shifted(queries[::50]):
+        fast, exact = best(database, query), best(database, query, exact=True)
+        assert fast.keyframe_id == exact.keyframe_id and fast.shift == exact.shift
+        assert fast.similarity == pytest.approx(exact.similarity, abs=1e-6)
 
 
 def test_rows_not_compared_are_estimates_below_the_others(filled):
-    one, queries = filled
-    (query,) = displaced(queries[700:701])
-    fast, exact = one.ask(query).similarities, one.ask(query, exact=True).similarities
+    database, queries = filled
+    (query,) = shifted(queries[700:701])
+    fast, exact = search_row(database, query), search_row(database, query, exact=True)
     same = np.isclose(fast, exact, atol=1e-6)
     assert 100 <= same.sum() <= 100 + 128 + 32
     assert np.isfinite(fast).all() and np.median(np.abs(fast - exact)) < 0.1
-    best = np.sort(np.flatnonzero(same)[np.argsort(-fast[same])][:20])
-    assert set(best) <= set(np.argsort(-fast)[:20])
+    highest = np.sort(np.flatnonzero(same)[np.argsort(-fast[same])][:20])
+    assert set(highest) <= set(np.argsort(-fast)[:20])
     assert same[[699, 701]].all()
 
 
 def test_background_is_distributed_as_all_rows(filled):
-    one, queries = filled
-    (query,) = displaced(queries[3:4])
-    fast, exact = one.ask(query).background, one.ask(query, exact=True).background
-    assert len(fast) == 128 and len(exact) == 1500
-    assert np.median(fast) == pytest.approx(np.median(exact), abs=0.01)
-    assert fast.std() == pytest.approx(exact.std(), rel=0.3)
+    database, queries = filled
+    (query,) = shifted(queries[3:4])
+    fast, exact = (
+        database.search(Query(0, query), 1, exact=exact).background for exact in (False, True)
+    )
+    assert fast.count == 128 and exact.count == 1500
+    assert fast.median == pytest.approx(exact.median, abs=0.01)
+    assert fast.deviation == pytest.approx(exact.deviation, rel=0.3)
 
 
 def test_prefix_is_searched_alone_and_small_ones_exactly(filled):
-    one, queries = filled
-    (query,) = displaced(queries[1400:1401])
-    assert one.ask(query).similarities.argmax() == 1400
-    before = one.ask(query, 1400).similarities
+    database, queries = filled
+    (query,) = shifted(queries[1400:1401])
+    assert best(database, query).keyframe_id == 1400
+    before = search_row(database, query, skip_newest=100)
     assert before.shape == (1400,) and before.max() < 0.5
-    assert np.array_equal(
-        one.ask(query, 699).similarities, one.ask(query, 699, exact=True).similarities
-    )
+    small = [search_row(database, query, before_ns=698, exact=exact) for exact in (True, False)]
+    assert np.array_equal(*small)
 
 
 def test_a_new_row_is_found_at_once(filled):
-    one, _ = filled
+    database, _ = filled
     (query,) = places(1501)[-1:]
-    assert one.ask(query).similarities.max() < 0.5
-    row = one.add(0, 0, query)
-    assert one.ask(query).similarities.argmax() == row == 1500
+    assert best(database, query).similarity < 0.5
+    added = database.add(Keyframe(2000, 2000, query[4])).keyframe_id
+    assert best(database, query).keyframe_id == added == 1500
 
 
-def test_part_of_the_signs_chooses_those_that_are_looked_at_further(filled, monkeypatch):
-    one, queries = filled
+def test_part_of_the_signs_chooses_those_that_are_compared_further(filled, monkeypatch):
+    database, queries = filled
     monkeypatch.setattr(sign_index, '_COARSE_WORDS', 4)
-    coarse = Database(Rows(DIMENSIONS), 9, True, 'test')
-    for index, query in enumerate(queries):
-        coarse.see(query)
-        coarse.add(index, index, query)
-    whole = [one.ask(query) for query in displaced(queries[::50])]
+    coarse = fill(queries)
+    whole = [best(database, query) for query in shifted(queries[::50])]
     monkeypatch.setattr(search, '_ALL_SIGNS', 1000)
     monkeypatch.setattr(search, '_LEAST', 300)
-    for query, expected in zip(displaced(queries[::50]), whole, strict=True):
-        found = coarse.ask(query)
-        best = expected.similarities.argmax()
-        assert found.similarities.argmax() == best
-        assert found.similarities[best] == pytest.approx(expected.similarities[best], abs=1e-6)
-        exact = one.ask(query, exact=True).similarities
-        assert np.median(np.abs(found.similarities - exact)) < 0.1
+    for query, expected in zip(shifted(queries[::50]), whole, strict=True):
+        found = best(coarse, query)
+        assert found.keyframe_id == expected.keyframe_id
+        assert found.similarity == pytest.approx(expected.similarity, abs=1e-6)
+        exact = search_row(database, query, exact=True)
+        assert np.median(np.abs(search_row(coarse, query) - exact)) < 0.1
 
 
 def test_answers_are_the_same_every_time(filled):
-    one, queries = filled
-    (query,) = displaced(queries[7:8])
-    first, again = one.ask(query), one.ask(query)
-    assert np.array_equal(first.similarities, again.similarities)
+    database, queries = filled
+    (query,) = shifted(queries[7:8])
+    assert np.array_equal(search_row(database, query), search_row(database, query))
 
 
 def test_signs_are_above_the_threshold():
@@ -132,14 +140,14 @@ def test_signs_are_above_the_threshold():
 def test_distances_to_queries(dimensions, monkeypatch):
     vectors = np.random.default_rng(0).standard_normal((2060, dimensions), np.float32)
     rows = sign_index.signs(vectors, np.float32(0))
-    table = SignTable(sign_index.words(dimensions))
+    table = SignIndex(sign_index.word_count(dimensions))
     for place, row in enumerate(rows):
         table.put(place, row[None])
     places = np.array([3, 700, 2047, 2048, 2059])
     differing = (vectors[:, None] > 0) != (vectors[None, :3] > 0)
     expected = differing[places].sum(axis=2)
-    for count in (sign_index.count, sign_index.count_in_words):
-        monkeypatch.setattr(sign_index, 'count', count)
+    for count in (sign_index.bit_count, sign_index.count_in_words):
+        monkeypatch.setattr(sign_index, 'bit_count', count)
         first = table.coarse(rows[:3], len(rows))
         assert np.array_equal(first.T, differing[:, :, :1024].sum(axis=2))
         rest = table.fine(rows[:3], places)
@@ -163,7 +171,7 @@ def test_nearest_of_equals_are_the_first():
     assert sign_index.nearest(distances, 9).tolist() == [0, 1, 2, 3, 4, 5]
 
 
-def test_groups_of_displacements_overlap():
+def test_groups_of_shifts_overlap():
     assert Shifts(1, 1, 0.1).groups == ((0,),)
     assert Shifts(3, 1, 0.1).groups == ((0, 1, 2),)
     groups = Shifts(5, 5, 0.1).groups

@@ -11,7 +11,8 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.evaluate import evaluate, STAGES
 from hdc_place_recognition.evaluation.metrics import Verdict
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.recognition.factory import assemble
+from hdc_place_recognition.results import Frame as RecognizerFrame
 import numpy as np
 import pytest
 
@@ -56,7 +57,7 @@ def sequence(places, **details):
 
 
 def recognizer(**changes):
-    return PlaceRecognizer(BASE.replace(**changes), CellExtractor())
+    return assemble(BASE.replace(**changes), CellExtractor())
 
 
 def test_sequence_finds_its_loop():
@@ -90,7 +91,7 @@ def test_sequence_is_causal():
 def test_evaluation_is_the_recogniser_itself():
     places = (0, 1, 2, 3, 4, 0, 1)
     online = recognizer()
-    said = [online.process(stamp, image) for stamp, image in Places(places)]
+    said = [online.process(RecognizerFrame(stamp, image)) for stamp, image in Places(places)]
     recording = evaluate(sequence(places), recognizer()).recording
     assert list(recording.detections) == said
     for offline, node in zip(recording.detections, said, strict=True):
@@ -166,10 +167,10 @@ def test_sequence_of_queries_does_not_continue_the_reference():
     changes = {'sequence_length': 3, 'center_database': False}
     result = evaluate(traverses((5,), (0, 1, 2, 3)), recognizer(**changes))
     # The first query is a sequence of one image, and so is the first image of a new recogniser.
-    alone = recognizer(**changes).describe(0, texture(5))
+    alone = recognizer(**changes).observe(RecognizerFrame(0, texture(5)))
     taught = recognizer(**changes)
     for place in range(4):
-        taught.learn(taught.describe(place * S, texture(place)))
+        taught.store(taught.observe(RecognizerFrame(place * S, texture(place))))
     np.testing.assert_array_equal(
         result.recording.detections[0].similarities, taught.recognize(alone).similarities
     )
@@ -269,6 +270,6 @@ def test_database_must_not_forget(name, limit):
 
 def test_database_must_be_empty():
     used = recognizer()
-    used.process(0, texture(1))
+    used.process(RecognizerFrame(0, texture(1)))
     with pytest.raises(PlaceRecognitionError, match='already holds 1 images'):
         evaluate(sequence((0, 1)), used)

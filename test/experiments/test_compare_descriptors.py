@@ -26,7 +26,7 @@ from hdc_place_recognition.experiments.view_shift import (
     table,
 )
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.recognition.factory import assemble
 import numpy as np
 import pytest
 
@@ -172,7 +172,7 @@ def test_runs_are_plain_evaluations_with_features_extracted_once(loop, counted):
         params = SMALL.replace(dimensions=dimensions, seed=run.seed)
         dataset = open_dataset(loop, None, Options())
         params = params.replace(**dataset.overrides)
-        ranking = evaluate(dataset, PlaceRecognizer(params, CellExtractor())).judgement.ranking
+        ranking = evaluate(dataset, assemble(params, CellExtractor())).judgement.ranking
         assert (run.average_precision, run.recall_at_1) == (
             ranking.average_precision,
             ranking.recall_at_1,
@@ -344,7 +344,7 @@ def test_bad_parameters_of_shift(shifted, capsys, arguments, message):
 
 
 def test_shifts_need_two_traverses_with_these_places(shifted, loop):
-    recognizer = PlaceRecognizer(SMALL, CellExtractor())
+    recognizer = assemble(SMALL, CellExtractor())
     dataset = open_dataset(shifted, None, Options())
     with pytest.raises(PlaceRecognitionError, match='has places 0 to 6, the images are 0 to 5'):
         estimate(dataset, {0: (0, 0), 6: (0, 0)}, recognizer)

@@ -1,82 +1,74 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Selection by stamps."""
+"""Frames are accepted or skipped by their stamps."""
 
-from hdc_place_recognition.recognition.frame_filter import StampSelector
+from hdc_place_recognition.recognition.frame_filter import FrameFilter
 from hdc_place_recognition.results import Status
 
 MS = 1_000_000
 START = 1_776_863_762_100_071_637
 
 
-def admit(stamps: list[int], interval: int = 200 * MS) -> tuple[list[Status | None], int]:
-    selector = StampSelector()
-    return [selector.admit(stamp, interval) for stamp in stamps], selector.clock_ns
+def accept(stamps: list[int], interval: int = 200 * MS) -> tuple[list[Status | None], int]:
+    frames = FrameFilter()
+    return [frames.accept(stamp, interval) for stamp in stamps], frames.clock_ns
 
 
-def test_interval_counts_from_the_last_admitted():
+def test_interval_counts_from_the_last_accepted():
     stamps = [START + ms * MS for ms in (0, 100, 199, 200, 300, 400)]
-    answers, clock_ns = admit(stamps)
+    answers, clock_ns = accept(stamps)
     soon = Status.TOO_SOON
     assert answers == [None, soon, soon, None, soon, None]
     assert clock_ns == 400 * MS
 
 
 def test_one_nanosecond_decides():
-    answers, _ = admit([START, START + 200 * MS - 1])
+    answers, _ = accept([START, START + 200 * MS - 1])
     assert answers == [None, Status.TOO_SOON]
 
 
-def test_repeated_and_late_stamps_are_passed_over():
-    answers, clock_ns = admit([START, START, START - 500 * MS, START + 1000 * MS])
+def test_repeated_and_late_stamps_are_skipped():
+    answers, clock_ns = accept([START, START, START - 500 * MS, START + 1000 * MS])
     assert answers == [None, Status.STAMP_REPEATED, Status.STAMP_OUT_OF_ORDER, None]
     assert clock_ns == 1000 * MS
 
 
 def test_repeated_is_told_even_without_interval():
-    answers, _ = admit([START, START], interval=0)
+    answers, _ = accept([START, START], interval=0)
     assert answers == [None, Status.STAMP_REPEATED]
 
 
 def test_clock_goes_on_when_stamps_are_set_back():
     day = 86_400_000 * MS
-    answers, clock_ns = admit([day, day + 1000 * MS, 0, 1000 * MS])
+    answers, clock_ns = accept([day, day + 1000 * MS, 0, 1000 * MS])
     assert answers == [None] * 4
     assert clock_ns == 2000 * MS
 
 
-def test_restart_takes_any_stamp():
-    selector = StampSelector()
-    selector.admit(START, 0)
-    selector.restart()
-    assert selector.admit(START, 0) is None
-    assert selector.clock_ns == 0
-
-
 def test_clock_stands_still_with_the_robot():
-    selector = StampSelector()
+    frames = FrameFilter()
     for second in range(600):
-        selector.admit(second * 1000 * MS, 0)
-        selector.note_motion(second == 0)
+        frames.accept(second * 1000 * MS, 0)
+        frames.note_motion(second == 0)
     # Two seconds of rest count, as for a robot that only moves slowly.
-    assert selector.clock_ns == 2000 * MS
-    selector.admit(600_000 * MS, 0)
-    selector.note_motion(True)
-    assert selector.clock_ns == 3000 * MS
+    assert frames.clock_ns == 2000 * MS
+    frames.accept(600_000 * MS, 0)
+    frames.note_motion(True)
+    assert frames.clock_ns == 3000 * MS
 
 
 def test_clock_goes_on_with_a_slow_robot():
-    selector = StampSelector()
+    frames = FrameFilter()
     for step in range(101):
-        selector.admit(step * 500 * MS, 0)
-        selector.note_motion(step % 4 == 0)
-    assert selector.clock_ns == 50_000 * MS
+        frames.accept(step * 500 * MS, 0)
+        frames.note_motion(step % 4 == 0)
+    assert frames.clock_ns == 50_000 * MS
 
 
-def test_an_objection_changes_nothing():
-    asked, other = StampSelector(), StampSelector()
+def test_asking_for_the_skip_reason_changes_nothing():
+    asked, other = FrameFilter(), FrameFilter()
     for stamp in (START, START, START + 100 * MS, START + 300 * MS, START - 10_000 * MS):
-        assert asked.objection(stamp, 200 * MS) == asked.objection(stamp, 200 * MS)
-        assert asked.objection(stamp, 200 * MS) is other.admit(stamp, 200 * MS)
-        asked.admit(stamp, 200 * MS)
+        assert asked.skip_reason(stamp, 200 * MS) == asked.skip_reason(stamp, 200 * MS)
+        assert asked.skip_reason(stamp, 200 * MS) is other.accept(stamp, 200 * MS)
+        asked.accept(stamp, 200 * MS)
         assert asked.clock_ns == other.clock_ns

@@ -6,8 +6,9 @@ import math
 
 from conftest import CellExtractor, texture
 from hdc_place_recognition.params.table import Params
+from hdc_place_recognition.recognition.factory import assemble
 from hdc_place_recognition.recognition.keyframes import KeyframeSelector, Pose
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
+from hdc_place_recognition.results import Frame
 import numpy as np
 import pytest
 
@@ -61,7 +62,7 @@ def test_by_default_odometry_does_not_matter():
 
 
 def test_people_who_walk_past_a_robot_at_rest_fill_no_database():
-    recognizer = PlaceRecognizer(PARAMS, CellExtractor())
-    recognizer.odometry = lambda stamp_ns: pose(0 if stamp_ns else 1)
-    stored = [recognizer.process(n * S, texture(n)).keyframe_id for n in range(30)]
+    recognizer = assemble(PARAMS, CellExtractor())
+    recognizer.traverse().odometry = lambda stamp_ns: pose(0 if stamp_ns else 1)
+    stored = [recognizer.process(Frame(n * S, texture(n))).keyframe_id for n in range(30)]
     assert stored == [0, 1, *[None] * 28]

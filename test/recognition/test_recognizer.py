@@ -6,24 +6,29 @@ from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.factory import (
+    assemble,
+    create_recognizer,
+    use_threads,
+)
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
-from hdc_place_recognition.results import Detection, NOT_VERIFIED, Status
+from hdc_place_recognition.results import Detection, Frame, NOT_VERIFIED, Status
 import numpy as np
 import pytest
+import threadpoolctl
 
 S = 1_000_000_000
 BASE = Params(dimensions=1024, min_interval_s=0.5, exclude_recent_s=5.0, min_score=0.8)
 
 
 def recognizer(**changes: object) -> PlaceRecognizer:
-    return PlaceRecognizer(BASE.replace(**changes), CellExtractor())
+    return assemble(BASE.replace(**changes), CellExtractor())
 
 
 def drive(places: list[int], one: PlaceRecognizer | None = None) -> list[Detection]:
     """Visit places, one a second."""
     one = one or recognizer()
-    return [one.process(index * S, texture(place)) for index, place in enumerate(places)]
+    return [one.process(Frame(index * S, texture(place))) for index, place in enumerate(places)]
 
 
 def test_finds_the_loop():
@@ -76,13 +81,13 @@ def test_live_parameter_takes_effect_with_the_next_image():
     one = recognizer()
     drive([*range(10), 3], one)
     one.params = one.params.replace(min_score=0.0)
-    found = one.process(20 * S, texture(99))
+    found = one.process(Frame(20 * S, texture(99)))
     assert found.status is Status.ACCEPTED and found.accepted == found.candidates
 
 
-def test_images_too_near_are_passed_over():
+def test_images_too_near_are_skipped():
     one = recognizer()
-    first, second = one.process(0, texture(0)), one.process(S // 4, texture(0))
+    first, second = one.process(Frame(0, texture(0))), one.process(Frame(S // 4, texture(0)))
     assert first.status is Status.DATABASE_TOO_YOUNG
     assert second.status is Status.TOO_SOON and second.keyframe_id is None
     assert len(one.database) == 1
@@ -91,7 +96,7 @@ def test_images_too_near_are_passed_over():
 def test_blank_image_is_answered_and_not_stored():
     one = recognizer()
     drive(list(range(8)), one)
-    found = one.process(9 * S, np.zeros((48, 64), np.uint8))
+    found = one.process(Frame(9 * S, np.zeros((48, 64), np.uint8)))
     assert found.status is Status.NO_FEATURES and found.candidates == ()
     assert found.keyframe_id is None and len(one.database) == 8
     assert np.isfinite(found.similarities).all()
@@ -103,20 +108,20 @@ def test_blank_image_is_answered_and_not_stored():
 def test_grey_16_bit_and_colour_are_the_same_place(image):
     one = recognizer()
     drive(list(range(8)), one)
-    assert one.process(9 * S, image).candidates[0].match_id == 1
+    assert one.process(Frame(9 * S, image)).candidates[0].match_id == 1
 
 
 def test_no_image_is_an_error_and_changes_nothing():
     one = recognizer()
     with pytest.raises(PlaceRecognitionError, match='image'):
-        one.process(5 * S, np.zeros((3, 4, 5, 6), np.uint8))
-    assert one.process(5 * S, texture(0)).keyframe_id == 0
+        one.process(Frame(5 * S, np.zeros((3, 4, 5, 6), np.uint8)))
+    assert one.process(Frame(5 * S, texture(0))).keyframe_id == 0
 
 
 def test_clock_set_back_keeps_the_places():
     one = recognizer()
     drive(list(range(10)), one)
-    found = one.process(0, texture(2))
+    found = one.process(Frame(0, texture(2)))
     assert found.status is Status.ACCEPTED and found.candidates[0].match_id == 2
 
 
@@ -132,13 +137,13 @@ def test_sequences_tell_look_alikes_apart():
 
 def test_two_traverses_and_retrieval():
     one = recognizer()
-    descriptions = [one.describe(index * S, texture(index)) for index in range(6)]
-    assert [one.learn(description) for description in descriptions] == list(range(6))
-    one.start_sequence()
-    asked = one.recognize(one.describe(0, texture(4)))
+    observed = [one.observe(Frame(index * S, texture(index))) for index in range(6)]
+    assert [one.store(image).keyframe_id for image in observed] == list(range(6))
+    one.start_traverse()
+    asked = one.recognize(one.observe(Frame(0, texture(4))))
     assert asked.candidates[0].match_id == 4 and asked.keyframe_id is None
     assert len(one.database) == 6 and asked.similarities.shape == (6,)
-    skipped = one.recognize(descriptions[4], skip_id=4)
+    skipped = one.recognize(observed[4], without=4)
     assert 4 not in [candidate.match_id for candidate in skipped.candidates]
     assert skipped.candidates and skipped.candidates[0].score < 0.8
 
@@ -149,8 +154,8 @@ def test_same_input_same_output():
     assert np.array_equal(first[-1].similarities, again[-1].similarities)
 
 
-def test_database_names_its_features():
-    assert recognizer().database.extractor == 'cells'
+def test_recognizer_names_its_features():
+    assert recognizer().identity == 'cells'
 
 
 def test_every_stage_is_timed():
@@ -168,7 +173,7 @@ def test_warm_up_leaves_no_trace(length):
     places = [*range(8), 3, 4]
     for index, place in enumerate(places):
         image = cv2.resize(texture(place), (160, 120), interpolation=cv2.INTER_CUBIC)
-        found, expected = (one.process(index * S, image) for one in (warm, cold))
+        found, expected = (one.process(Frame(index * S, image)) for one in (warm, cold))
         assert found == expected
         assert np.array_equal(found.similarities, expected.similarities)
     assert found.candidates[0].inliers != NOT_VERIFIED
@@ -177,4 +182,103 @@ def test_warm_up_leaves_no_trace(length):
 def test_warm_up_has_seen_to_everything():
     one = recognizer()
     one.warm_up(64, 48)
-    assert one._looker._encoder.projection.cache_info().currsize == 1
+    assert one._encoder._descriptor.projection.cache_info().currsize == 1
+
+
+def test_two_traverses_run_side_by_side():
+    """Each camera goes its own way; together they answer as each alone, but for the database."""
+    both, alone = recognizer(exclude_recent_s=0.0), recognizer(exclude_recent_s=0.0)
+    left, right = list(range(12)), list(range(20, 32))
+    for index, (place, other) in enumerate(zip(left, right, strict=True)):
+        frame = Frame(index * S, texture(place), 'left')
+        found, expected = both.process(frame), alone.process(Frame(index * S, texture(place)))
+        assert found.status is expected.status
+        assert found.keyframe_id == 2 * expected.keyframe_id
+        assert both.process(Frame(index * S, texture(other), 'right')).keyframe_id is not None
+    assert both.traverse('left').filter.clock_ns == alone.traverse().filter.clock_ns
+    assert both.database.neighbors(4) == (2, 6) and both.database.distance(4, 5) is None
+
+
+def test_a_stamp_of_a_camera_is_not_that_of_another():
+    one = recognizer()
+    assert one.process(Frame(5 * S, texture(0), 'left')).status is Status.DATABASE_TOO_YOUNG
+    assert one.skip_reason(5 * S, 'left') is Status.STAMP_REPEATED
+    assert one.skip_reason(5 * S, 'right') is None
+    assert one.process(Frame(5 * S, texture(1), 'right')).keyframe_id == 1
+
+
+def test_another_traverse_is_newer_than_those_before():
+    one = recognizer()
+    drive([3, 1, 2], one)
+    traverse = one.start_traverse()
+    assert traverse.number == 1 and one.traverse() is traverse
+    # What was seen before is two seconds old, whatever the stamps say.
+    assert one.process(Frame(0, texture(3))).status is Status.DATABASE_TOO_YOUNG
+    again = [one.process(Frame(n * S, texture(50 + n))) for n in range(1, 5)]
+    assert again[-1].status is Status.BELOW_THRESHOLD
+    assert one.process(Frame(5 * S, texture(3))).accepted[0].match_id == 0
+
+
+def test_encoding_is_pure():
+    one = recognizer()
+    before = one.encode(texture(3))
+    drive([1, 2, 3, 4], one)
+    assert np.array_equal(one.encode(texture(3)), before)
+    assert before.shape == (1024,) and np.linalg.norm(before) == pytest.approx(1, abs=1e-5)
+
+
+def test_one_snapshot_of_the_parameters_serves_an_image():
+    one = recognizer()
+    drive([*range(10), 3], one)
+    snapshot = one.params.replace(min_score=0.0, min_interval_s=60.0)
+    assert one.process(Frame(11 * S, texture(98)), snapshot).status is Status.TOO_SOON
+    found = one.process(Frame(90 * S, texture(99)), snapshot)
+    assert found.status is Status.ACCEPTED and found.accepted == found.candidates
+    assert one.process(Frame(91 * S, texture(97))).status is Status.BELOW_THRESHOLD
+
+
+class Switching:
+    """An extractor during which the parameters are replaced, as by another thread."""
+
+    identity = 'switching'
+
+    def __init__(self) -> None:
+        self.change = lambda: None
+
+    def extract(self, image: np.ndarray) -> object:
+        self.change()
+        return CellExtractor().extract(image)
+
+
+def test_a_live_change_never_applies_to_half_an_image():
+    extractor = Switching()
+    one = assemble(BASE, extractor)
+    drive([*range(10), 3], one)
+
+    def change() -> None:
+        one.params = one.params.replace(min_score=0.0, top_k=1)
+
+    extractor.change = change
+    assert one.process(Frame(20 * S, texture(99))).status is Status.BELOW_THRESHOLD
+    found = one.process(Frame(21 * S, texture(98)))
+    assert found.status is Status.ACCEPTED and len(found.candidates) == 1
+
+
+def test_creating_a_recognizer_leaves_the_threads_of_the_process_alone():
+    cv2.setNumThreads(2)
+    with threadpoolctl.threadpool_limits(2, user_api='blas'):
+        create_recognizer(BASE.replace(extractor='gradient_grid', threads=1)).encode(texture(0))
+        libraries = threadpoolctl.threadpool_info()
+        counts = {library['num_threads'] for library in libraries if library['user_api'] == 'blas'}
+        assert counts == {2} and cv2.getNumThreads() == 2
+        use_threads(BASE.replace(threads=1))
+        libraries = threadpoolctl.threadpool_info()
+        counts = {library['num_threads'] for library in libraries if library['user_api'] == 'blas'}
+        assert counts == {1} and cv2.getNumThreads() == 1
+
+
+def test_features_without_a_calibration_are_named_once(caplog):
+    caplog.set_level('WARNING', 'hdc_place_recognition')
+    drive([0, 1, 2])
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert line.startswith('the score is not calibrated for the features "cells"')

@@ -65,12 +65,12 @@ def test_unknown_where_there_is_none_near():
     assert math.isnan(silent.position(0)[0])
 
 
-def test_forgotten_keyframes_have_no_position():
+def test_evicted_keyframes_have_no_position():
     found = positions(0, 50, 100)
     found.add_keyframe(3, 60 * MS)
     known = found.position(3)
     assert found.position(3) == known and known[0] == known[0]
-    found.forget(3)
+    found.evict(3)
     assert found.position(3)[0] != found.position(3)[0]
 
 

@@ -16,7 +16,7 @@ import pytest
 rclpy = pytest.importorskip('rclpy', reason='needs ROS')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
-from hdc_place_recognition.recognition.recognizer import PlaceRecognizer  # noqa: E402
+from hdc_place_recognition.recognition.factory import assemble  # noqa: E402
 from hdc_place_recognition.ros import node as node_module  # noqa: E402
 from hdc_place_recognition.ros.messages import read_candidates  # noqa: E402
 from hdc_place_recognition.ros.parameters import unknown_overrides  # noqa: E402
@@ -103,7 +103,7 @@ def set_stamp(message: Any, second: float) -> None:
 @pytest.fixture(autouse=True)
 def ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(
-        node_module, 'create_recognizer', lambda params: PlaceRecognizer(params, CellExtractor())
+        node_module, 'create_recognizer', lambda params: assemble(params, CellExtractor())
     )
     rclpy.init(args=[])
     yield
@@ -154,11 +154,11 @@ def test_calibration_is_taken_and_a_bad_one_is_none(bench):
     bench.until(lambda: calibration.get_subscription_count())
     message = CameraInfo(width=64, height=48, k=[50.0, 0, 32, 0, 50, 24, 0, 0, 1])
     calibration.publish(message)
-    bench.until(lambda: bench.node.recognizer.camera)
-    assert bench.node.recognizer.camera.took(48 / 64)
+    bench.until(lambda: bench.node.recognizer.traverse().camera)
+    assert bench.node.recognizer.traverse().camera.fits(48 / 64)
     message.k = [0.0] * 9
     calibration.publish(message)
-    bench.until(lambda: bench.node.recognizer.camera is None)
+    bench.until(lambda: bench.node.recognizer.traverse().camera is None)
 
 
 def test_live_parameter_is_set_and_a_bad_one_refused_with_a_reason(bench):
@@ -199,12 +199,12 @@ def test_bad_images_are_counted_and_the_node_goes_on(bench):
     values = bench.node._values()
     assert values['images received'] == '6' and values['images processed'] == '1'
     assert values['images refused'] == '2' and 'mono7' in values['last error']
-    assert values['images passed over: same stamp as the last image'] == '1'
-    assert values['images passed over: older than the last image'] == '1'
-    assert values['database images'] == '1'
+    assert values['images skipped: same stamp as the last image'] == '1'
+    assert values['images skipped: older than the last image'] == '1'
+    assert values['database keyframes'] == '1'
 
 
-def test_what_is_passed_over_is_not_decoded(bench, monkeypatch):
+def test_what_is_skipped_is_not_decoded(bench, monkeypatch):
     decoded = []
     convert = node_module.image_from_message
     monkeypatch.setattr(
@@ -245,7 +245,7 @@ def test_diagnostics_once_a_second(bench):
     values = {pair.key: pair.value for pair in status.values}
     assert status.name == 'place_recognition_node: place recognition'
     assert status.level == DiagnosticStatus.OK
-    assert status.message == 'no image in the database is old enough'
+    assert status.message == 'no keyframe is old enough to be compared with'
     assert values['images processed'] == '1' and values['features'] == 'cells'
     assert int(values['database bytes']) > 4096 * 4 and float(values['ms extract']) > 0
 

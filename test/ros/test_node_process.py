@@ -34,7 +34,9 @@ def start(*words: str) -> subprocess.Popen[str]:
 def test_ends_cleanly(numbers):
     process = start(*BASE)
     assert process.stdout is not None
-    first = process.stdout.readline()
+    uncalibrated, first = process.stdout.readline(), process.stdout.readline()
+    # A log line of the library, through the logger of the node.
+    assert '[WARN]' in uncalibrated and 'the score is not calibrated' in uncalibrated
     assert 'listening to /image' in first and 'gradient_grid' in first
     for number in numbers:
         process.send_signal(number)
@@ -74,6 +76,6 @@ def test_bad_parameter_file_is_one_line_and_2(tmp_path: Path):
 def test_integer_serves_for_a_float():
     process = start(*BASE, '-p', 'min_score:=1')
     assert process.stdout is not None
-    assert 'listening' in process.stdout.readline()
+    assert any('listening' in line for line in process.stdout)
     process.send_signal(signal.SIGINT)
     assert process.wait(SOON_S) == 0

@@ -6,15 +6,21 @@ from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.compact import keep, Landmarks
+from hdc_place_recognition.features.compact import CompactKeypoints, quantize
 from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.features.registry import create_extractor
-from hdc_place_recognition.verification.geometry import Geometry, match, verify
+from hdc_place_recognition.verification.geometry import Geometry, match, verify_geometry
+from hdc_place_recognition.verification.settings import VerificationSettings
 import numpy as np
 from numpy.typing import NDArray
 import pytest
 
 WIDTH, HEIGHT = 320, 240
+SETTINGS = VerificationSettings()
+
+
+def verify(query: CompactKeypoints, keyframe: CompactKeypoints) -> Geometry:
+    return verify_geometry(query, keyframe, SETTINGS)
 
 
 def scene(seed: int, width: int = 400) -> NDArray[np.uint8]:
@@ -27,16 +33,16 @@ def scene(seed: int, width: int = 400) -> NDArray[np.uint8]:
     return cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
 
 
-def landmarks(image: NDArray[np.uint8]) -> Landmarks:
-    return keep(create_extractor('rootsift', image_width=320, max_features=300).extract(image))
+def keypoints(image: NDArray[np.uint8]) -> CompactKeypoints:
+    return quantize(create_extractor('rootsift', image_width=320, max_features=300).extract(image))
 
 
-def view(far: int, near: int) -> Landmarks:
+def view(far: int, near: int) -> CompactKeypoints:
     """Return a camera moved sideways: the lower half is nearer and moves by more pixels."""
     image = scene(1)
     upper, lower = np.vsplit(image, 2)
     moved = [np.roll(part, -by, axis=1)[:, :WIDTH] for part, by in ((upper, far), (lower, near))]
-    return landmarks(np.vstack(moved))
+    return keypoints(np.vstack(moved))
 
 
 def test_two_views_of_known_geometry_are_verified():
@@ -57,11 +63,11 @@ def test_scale_and_rotation_are_followed_by_the_votes():
     image = scene(1, WIDTH)
     turn = cv2.getRotationMatrix2D((WIDTH / 2, HEIGHT / 2), 20, 1.2)
     turned = np.asarray(cv2.warpAffine(image, turn, (WIDTH, HEIGHT)), np.uint8)
-    assert verify(landmarks(turned), landmarks(image)).votes > 40
+    assert verify(keypoints(turned), keypoints(image)).votes > 40
 
 
 def test_different_textures_are_not_verified():
-    geometry = verify(landmarks(scene(1, WIDTH)), landmarks(scene(2, WIDTH)))
+    geometry = verify(keypoints(scene(1, WIDTH)), keypoints(scene(2, WIDTH)))
     assert min(geometry.votes, geometry.inliers) < 8
 
 
@@ -70,7 +76,7 @@ def test_one_object_elsewhere_has_no_spread():
     noise = np.random.default_rng(5).integers(0, 256, (60, 80), dtype=np.uint8)
     patch = cv2.GaussianBlur(noise, (0, 0), 2) * 3
     first[60:120, 80:160], second[120:180, 160:240] = patch, patch
-    geometry = verify(landmarks(first), landmarks(second))
+    geometry = verify(keypoints(first), keypoints(second))
     assert geometry.inliers >= 12 and geometry.spread <= 2
 
 
@@ -84,7 +90,7 @@ def test_one_object_elsewhere_has_no_spread():
     ],
 )
 def test_degenerate_images_are_answered(image):
-    found, other = landmarks(np.ascontiguousarray(image)), landmarks(scene(1, WIDTH))
+    found, other = keypoints(np.ascontiguousarray(image)), keypoints(scene(1, WIDTH))
     for pair in ((found, other), (other, found), (found, found)):
         assert isinstance(verify(*pair), Geometry)
 
@@ -101,7 +107,7 @@ def test_coinciding_and_collinear_points_are_answered():
             sizes=np.full(20, 4, np.float32),
             angles=np.zeros(20, np.float32),
         )
-        geometry = verify(keep(features), keep(features))
+        geometry = verify(quantize(features), quantize(features))
         assert geometry.votes == 20 and geometry.spread <= 2
 
 
@@ -109,8 +115,8 @@ def test_match_is_mutual_and_passes_the_ratio_test():
     query = np.array([[0, 0], [100, 0], [0, 100], [51, 51]], np.uint8)
     earlier = np.array([[1, 0], [98, 0], [0, 200], [50, 52], [52, 50]], np.uint8)
     # 0 and 1 have one partner each; 2 is as near to none; 3 has two that are equally near.
-    assert match(query, earlier).tolist() == [[0, 0], [1, 1]]
-    assert match(query[:1], earlier).shape == (0, 2)
+    assert match(query, earlier, 0.8).tolist() == [[0, 0], [1, 1]]
+    assert match(query[:1], earlier, 0.8).shape == (0, 2)
 
 
 def test_same_answer_again_and_on_threads():
@@ -124,22 +130,22 @@ def test_same_answer_again_and_on_threads():
 def test_landmarks_are_small_and_near_what_they_stand_for():
     extractor = create_extractor('rootsift', image_width=320, max_features=300)
     features = extractor.extract(scene(1, WIDTH))
-    kept = keep(features)
+    kept = quantize(features)
     assert len(kept) == 300 and kept.nbytes == 300 * 134 + 640
     np.testing.assert_allclose(kept.points * WIDTH, features.keypoints + 0.5, atol=0.01)
     np.testing.assert_allclose(kept.descriptors / 255, features.descriptors, atol=0.002)
-    sizes = np.abs(kept.shapes)
+    sizes = np.abs(kept.frames)
     np.testing.assert_allclose(sizes / sizes[0], features.sizes / features.sizes[0], rtol=0.03)
 
 
 def test_landmarks_do_not_depend_on_the_size_of_the_image():
     image = scene(1, WIDTH)
     larger = np.asarray(cv2.resize(image, None, fx=2, fy=2), np.uint8)
-    geometry = verify(landmarks(larger), landmarks(image))
+    geometry = verify(keypoints(larger), keypoints(image))
     assert geometry.inliers > 100 and abs(geometry.shift_x) < 2e-3
 
 
 def test_landmarks_need_sizes_and_angles():
     features = LocalFeatures(np.zeros((1, 2), np.float32), np.zeros((1, 8), np.float32), 4, 4)
     with pytest.raises(PlaceRecognitionError, match='rootsift'):
-        keep(features)
+        quantize(features)

@@ -6,12 +6,14 @@ import csv
 from types import SimpleNamespace
 
 import cv2
-from hdc_place_recognition.camera import Camera, rotation
+from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.conversions.camera_info import camera_from_message
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.features.compact import keep
+from hdc_place_recognition.features.compact import quantize
 from hdc_place_recognition.features.registry import create_extractor
-from hdc_place_recognition.verification.geometry import verify
+from hdc_place_recognition.verification.geometry import verify_geometry
+from hdc_place_recognition.verification.rotation import relative_rotation
+from hdc_place_recognition.verification.settings import VerificationSettings
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -62,7 +64,7 @@ def views(
 )
 def test_the_turn_between_two_views_is_found(degrees, model, distortion):
     pairs = views(degrees, distortion, model == 'equidistant')
-    x, y, z, w = rotation(camera(distortion_model=model, d=distortion), pairs)
+    x, y, z, w = relative_rotation(camera(distortion_model=model, d=distortion), pairs)
     assert np.degrees(2 * np.arctan2(y, w)) == pytest.approx(degrees, abs=0.1)
     assert (x, z) == pytest.approx((0, 0), abs=1e-3)
     assert np.linalg.norm([x, y, z, w]) == pytest.approx(1, abs=1e-6)
@@ -71,7 +73,7 @@ def test_the_turn_between_two_views_is_found(degrees, model, distortion):
 def test_outliers_do_not_turn_it():
     pairs = views(5.0)
     pairs[:10, 0] = np.random.default_rng(1).random((10, 2))
-    _, y, _, w = rotation(camera(), pairs)
+    _, y, _, w = relative_rotation(camera(), pairs)
     assert np.degrees(2 * np.arctan2(y, w)) == pytest.approx(5, abs=0.1)
 
 
@@ -85,7 +87,7 @@ def test_outliers_do_not_turn_it():
     ],
 )
 def test_degenerate_points_raise_nothing(pairs):
-    found = rotation(camera(), pairs)
+    found = relative_rotation(camera(), pairs)
     assert found is None or np.linalg.norm(found) == pytest.approx(1, abs=1e-6)
 
 
@@ -103,7 +105,7 @@ def test_ros_1_writes_capitals():
 
 
 def test_the_image_may_have_another_size_but_not_another_shape():
-    assert camera().took(240 / 320) and not camera().took(240 / 640)
+    assert camera().fits(240 / 320) and not camera().fits(240 / 640)
 
 
 @pytest.mark.parametrize(
@@ -130,8 +132,8 @@ def test_turns_of_a_hand_held_camera_are_those_of_motion_capture(shared_data):
     errors = []
     pairs = np.argwhere(np.load(folder / 'gt.npz')['hard'])
     for query, earlier in pairs[:: len(pairs) // 20].tolist():
-        landmarks = [keep(extractor.extract(cv2.imread(str(files[i])))) for i in (query, earlier)]
-        found = rotation(hand_held, verify(*landmarks).pairs)
+        both = [quantize(extractor.extract(cv2.imread(str(files[i])))) for i in (query, earlier)]
+        found = relative_rotation(hand_held, verify_geometry(*both, VerificationSettings()).pairs)
         if found is not None:
             true = matrix(poses[earlier, 5:]).T @ matrix(poses[query, 5:])
             cosine = (np.trace(true.T @ matrix(found)) - 1) / 2

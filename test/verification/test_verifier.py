@@ -10,8 +10,9 @@ from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.features.registry import create_extractor
 from hdc_place_recognition.params.table import Params
+from hdc_place_recognition.recognition.factory import assemble
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
-from hdc_place_recognition.results import Detection, Reason, Status
+from hdc_place_recognition.results import Detection, Frame, Reason, Status
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -31,12 +32,12 @@ BASE = Params(
 def recognizer(**changes: object) -> PlaceRecognizer:
     params = BASE.replace(**changes)
     keypoints = create_extractor('rootsift', image_width=320, max_features=300)
-    return PlaceRecognizer(params, CellExtractor(), keypoints if params.verify else None)
+    return assemble(params, CellExtractor(), keypoints if params.verify else None)
 
 
 def drive(images: Iterable[NDArray[np.uint8]], one: PlaceRecognizer) -> list[Detection]:
     """Show images, one a second."""
-    return [one.process(index * S, image) for index, image in enumerate(images)]
+    return [one.process(Frame(index * S, image)) for index, image in enumerate(images)]
 
 
 def noise(seed: int, height: int, width: int) -> NDArray[np.float32]:
@@ -133,7 +134,7 @@ def test_standing_still_adds_little_and_confirms_nothing():
     assert {found.status for found in detections} == {Status.DATABASE_TOO_YOUNG}
     # It drives away and comes back: that is a closure.
     path = [*range(20, 32), 7]
-    later = [one.process((600 + n) * S, texture(place)) for n, place in enumerate(path)]
+    later = [one.process(Frame((600 + n) * S, texture(place))) for n, place in enumerate(path)]
     assert later[-1].accepted and later[-1].accepted[0].match_id == 0
 
 
@@ -175,7 +176,7 @@ def test_images_without_keypoints_are_answered():
 def test_memory_of_a_keyframe():
     one = recognizer(dimensions=4096, displacements_x=5, displacements_y=5)
     drive(street(range(4)), one)
-    held = sum(kept.nbytes for kept in one.database.landmarks if kept)
+    held = sum(one.database.get(found).keypoints.nbytes for found in one.database.ids)
     room = one.database.nbytes - held
     assert held <= 4 * (300 * 134 + 640)
     assert held / 4 + room / 64 <= 60_000
