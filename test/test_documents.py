@@ -29,51 +29,15 @@ PARAMETERS = {item.name for item in fields(Params)}
 # Modules of the package that the documents name, as in `hdc.algebra.bind`.
 ROOMS = 'recognition|verification|database|hdc|features|results'
 DOTTED = re.compile(rf'`((?:{ROOMS})(?:\.\w+)+)`')
-GLOSSARY = [
-    'hypervector',
-    'bind',
-    'bundle',
-    'unbind',
-    'permute',
-    'role',
-    'filler',
-    'VSA',
-    'MAP',
-    'projection',
-    'position encoding',
-    'subinterval',
-    'image descriptor',
-    'shift',
-    'keyframe',
-    'place',
-    'traverse',
-    'session',
-    'query',
-    'candidate',
-    'match',
-    'loop closure',
-    'similarity',
-    'score',
-    'inlier',
-    'vote',
-    'spread',
-    'distinctness',
-    'temporal support',
-    'evict',
-    'capacity',
-    'centering',
-    'compact keypoints',
-    'sign index',
-    'two-stage search',
-    'frame',
-    'run log',
-    'hard ground truth',
-    'soft ground truth',
-    'average precision',
-    'recall at K',
-    'recall at full precision',
+GLOSSARY = re.findall(
+    r'\w[^,]+',
+    'hypervector,bind,bundle,unbind,permute,role,filler,VSA,MAP,projection,position encoding,'
+    'subinterval,image descriptor,shift,keyframe,place,traverse,session,query,candidate,match,'
+    'loop closure,similarity,score,inlier,vote,spread,distinctness,temporal support,evict,'
+    'capacity,centering,compact keypoints,sign index,two-stage search,frame,run log,'
+    'hard ground truth,soft ground truth,average precision,recall at K,recall at full precision,'
     'operating point',
-]
+)
 
 every_document = pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
 
