@@ -10,6 +10,7 @@ import importlib
 import io
 from pathlib import Path
 import re
+from xml.etree import ElementTree
 
 from conftest import ROOT, texture
 from hdc_place_recognition.demo.bag import write_bag
@@ -128,6 +129,17 @@ def test_glossary_is_complete_and_sorted():
     )
     assert terms == sorted(terms, key=str.lower)
     assert not set(GLOSSARY) - set(terms)
+
+
+def test_readme_lists_every_room():
+    rooms = [path.parent.name for path in (ROOT / 'hdc_place_recognition').glob('*/__init__.py')]
+    layout = (ROOT / 'README.md').read_text().partition('## Layout')[2]
+    assert not [room for room in rooms if f'`{room}/`' not in layout]
+
+
+def test_citation_has_the_version_of_the_package():
+    version = ElementTree.parse(ROOT / 'package.xml').getroot().findtext('version')
+    assert f'\nversion: {version}\n' in (ROOT / 'CITATION.cff').read_text()
 
 
 def test_reasons_are_listed_by_their_numbers():
