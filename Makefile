@@ -1,16 +1,16 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 #
-#   make demo         a loop driven twice through the real node, on a machine with Python only
-#   make test         linters, type check and tests, likewise
-#   make test-oldest  core and offline tests with the oldest libraries that a robot has
+#   make demo         render a drive, play it through the node and check the closures
+#   make test         run linters, type check and tests
+#   make test-oldest  run the tests without ROS, with the oldest numpy and OpenCV of a robot
 
 PYTHON ?= python3
 VENV := .venv
 OLDEST := .venv-oldest
 OLDEST_PYTHON ?= python3.12
 
-# A ROS 2 that is sourced is used; otherwise it comes from PyPI.
+# Use a sourced ROS 2; otherwise install ROS 2 from PyPI.
 ifdef ROS_DISTRO
   VENV_OPTIONS := --system-site-packages
   EXTRAS := onnxruntime,plot
@@ -18,7 +18,7 @@ else
   EXTRAS := onnxruntime,plot,ros
   export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
 endif
-# The demo and the tests talk to this machine only.
+# Demo and tests communicate on this machine only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export ROS_DOMAIN_ID ?= 87
 

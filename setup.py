@@ -1,10 +1,11 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The package for colcon (ament_python) and for pip."""
+"""Package for colcon (ament_python) and pip."""
 
 from setuptools import find_packages, setup
 
 NAME = 'hdc_place_recognition'
+URL = 'https://github.com/hdc-place-recognition/hdc_place_recognition'
 ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']
 LINTERS = [
     'ros-jazzy-ament-flake8',
@@ -25,6 +26,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(exclude=['test', 'test.*']),
+    package_data={NAME: ['py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),
@@ -35,8 +37,8 @@ setup(
         ('share/' + NAME + '/launch', ['launch/place_recognition.launch.py']),
     ],
     python_requires='>=3.10',
-    # OpenCV in its form without windows, as on a robot; the weights of the default extractor are
-    # a package too, and onnx writes them in the form that OpenCV and onnxruntime read.
+    # OpenCV without GUI, as on a robot. The weights of the default extractor are a package; onnx
+    # writes the graph that OpenCV and onnxruntime read.
     install_requires=[
         'setuptools',
         'numpy>=1.26',
@@ -48,13 +50,17 @@ setup(
         'onnx',
     ],
     extras_require={
+        'benchmark': ['psutil'],
         'onnxruntime': ['onnxruntime'],
         'plot': ['matplotlib', 'tqdm'],
         'ros': ROS,
-        'test': ['pytest<9', 'rosbags-image'],
+        'test': ['psutil', 'pytest<9', 'rosbags-image'],
         'lint': LINTERS,
     },
-    zip_safe=True,
+    zip_safe=False,  # type checkers read py.typed from a folder only
+    url=URL,
+    author='hdc_place_recognition contributors',
+    author_email='maintainers@hdc-place-recognition.org',
     maintainer='hdc_place_recognition contributors',
     maintainer_email='maintainers@hdc-place-recognition.org',
     description='Visual loop-closure detection with hyperdimensional computing.',

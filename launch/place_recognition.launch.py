@@ -15,32 +15,34 @@ CONFIG = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config', 'place_recog
 def generate_launch_description() -> LaunchDescription:
     """Return the node with its arguments."""
     arguments = [
-        DeclareLaunchArgument('namespace', default_value='', description='Of the node.'),
+        DeclareLaunchArgument('namespace', default_value='', description='Namespace of the node.'),
         DeclareLaunchArgument(
             'use_sim_time',
             default_value='false',
-            description='Follow /clock; images go by their stamps anyway.',
+            description='Follow /clock. Images are selected by their stamps in any case.',
         ),
         DeclareLaunchArgument(
             'params_file',
             default_value=CONFIG,
-            description='Parameters, as config/place_recognition.yaml.',
+            description='Parameter file, as config/place_recognition.yaml.',
         ),
         DeclareLaunchArgument('image', default_value='image', description='Image topic.'),
         DeclareLaunchArgument(
             'camera_info', default_value='camera_info', description='Calibration topic.'
         ),
         DeclareLaunchArgument('odom', default_value='odom', description='Odometry topic.'),
-        DeclareLaunchArgument('log_level', default_value='info', description='Of the node.'),
+        DeclareLaunchArgument(
+            'log_level', default_value='info', description='Log level of the node.'
+        ),
     ]
-    given = {argument.name: LaunchConfiguration(argument.name) for argument in arguments}
+    values = {argument.name: LaunchConfiguration(argument.name) for argument in arguments}
     node = Node(
         package=PACKAGE,
         executable='place_recognition_node',
-        namespace=given['namespace'],
+        namespace=values['namespace'],
         output='screen',
-        arguments=['--ros-args', '--log-level', given['log_level']],
-        parameters=[given['params_file'], {'use_sim_time': given['use_sim_time']}],
-        remappings=[(topic, given[topic]) for topic in ('image', 'camera_info', 'odom')],
+        arguments=['--ros-args', '--log-level', values['log_level']],
+        parameters=[values['params_file'], {'use_sim_time': values['use_sim_time']}],
+        remappings=[(topic, values[topic]) for topic in ('image', 'camera_info', 'odom')],
     )
     return LaunchDescription([*arguments, node])

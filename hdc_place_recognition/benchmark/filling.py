@@ -13,7 +13,7 @@ import subprocess
 import sys
 from time import perf_counter
 
-from hdc_place_recognition.benchmark.vectors import Crowd, DIMENSIONS, SIDE
+from hdc_place_recognition.benchmark.vectors import DIMENSIONS, LargeWorld, SIDE
 from hdc_place_recognition.database.base import Keyframe, Query
 from hdc_place_recognition.database.eviction import Capacity
 from hdc_place_recognition.database.memory import MemoryDatabase
@@ -31,7 +31,7 @@ _WARM = 2
 
 
 @dataclass(frozen=True)
-class Filling:
+class FillTask:
     """
     What is to be done.
 
@@ -51,7 +51,7 @@ class Filling:
 
 
 @dataclass(frozen=True)
-class Filled:
+class FillResult:
     """
     What came of it.
 
@@ -79,7 +79,7 @@ class Filled:
     found: float
 
 
-def fill_alone(filling: Filling) -> Filled:
+def fill_alone(filling: FillTask) -> FillResult:
     """
     Fill a database in another process.
 
@@ -91,12 +91,12 @@ def fill_alone(filling: Filling) -> Filled:
     if done.returncode:
         last = done.stderr.strip().splitlines()[-1:] or [f'exit code {done.returncode}']
         raise PlaceRecognitionError(f'database of {filling.images} images: {last[0]}')
-    return Filled(**json.loads(done.stdout))
+    return FillResult(**json.loads(done.stdout))
 
 
-def fill(filling: Filling) -> Filled:
+def fill(filling: FillTask) -> FillResult:
     """Fill a database, and ask it."""
-    world = Crowd(filling.images)
+    world = LargeWorld(filling.images)
     database = _database(filling)
     for number in range(_WARM):
         database.update_mean(Query(number, world.query(number)))
@@ -116,7 +116,7 @@ def fill(filling: Filling) -> Filled:
             taken_by.append(_resident() - before)
     parts = np.array_split(spent, PARTS)
     queries_ms, found = _ask(database, world, filling.queries)
-    return Filled(
+    return FillResult(
         medians_us=[float(np.median(part)) for part in parts],
         maxima_us=[float(part.max()) for part in parts],
         taken_by=taken_by,
@@ -131,7 +131,7 @@ def fill(filling: Filling) -> Filled:
     )
 
 
-def _database(filling: Filling) -> MemoryDatabase:
+def _database(filling: FillTask) -> MemoryDatabase:
     storage = FileStorage(Path(filling.folder)) if filling.folder else None
     return MemoryDatabase(
         VectorStore(DIMENSIONS, filling.row_type, storage),
@@ -142,7 +142,7 @@ def _database(filling: Filling) -> MemoryDatabase:
     )
 
 
-def _ask(database: MemoryDatabase, world: Crowd, queries: int) -> tuple[list[float], float]:
+def _ask(database: MemoryDatabase, world: LargeWorld, queries: int) -> tuple[list[float], float]:
     """Return what queries take, and which share of them is answered rightly."""
     spent, right = [], 0
     for number in range(queries + _WARM):
@@ -176,7 +176,7 @@ def _peak() -> int:
 
 def main(argv: Sequence[str]) -> int:
     """Do what the first argument says, in JSON, and print what came of it."""
-    print(json.dumps(asdict(fill(Filling(**json.loads(argv[0]))))))
+    print(json.dumps(asdict(fill(FillTask(**json.loads(argv[0]))))))
     return 0
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The cost of an image: its features, and the whole way from image to candidates."""
+"""The cost of an image: extraction, and all stages from image to candidates."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from numpy.typing import NDArray
 _log = logging.getLogger(__name__)
 _STEP = 24  # pixels from one image to the next
 _NS = 10**9
-_BLOBS = (64, 32, 8)  # of the width, in sizes of the blobs
+_BLOBS = (64, 32, 8)  # sizes of the blobs: width / this
 
 
 def street(images: int, width: int = 640, height: int = 480) -> list[NDArray[np.uint8]]:
     """
-    Return a drive past a wall of blobs of several sizes.
+    Return the images of a traverse along a wall of blobs of several sizes.
 
-    Images as a camera gives them have 400 to 900 keypoints at the width at which keypoints are
-    looked for, before the strongest are kept; so do these.
+    At the width at which keypoints are extracted, real images have 400 to 900 keypoints before the
+    strongest are selected. These images have as many.
     """
     rng = np.random.default_rng(0)
     wall = np.zeros((height, width + _STEP * images, 3), np.float32)
@@ -48,7 +48,7 @@ def street(images: int, width: int = 640, height: int = 480) -> list[NDArray[np.
 
 
 def measure_extraction(settings: Settings) -> Iterator[Measurement]:
-    """Yield the cost of each extractor; one that cannot run is skipped with a word."""
+    """Yield the cost of each extractor; log and skip an extractor that cannot run."""
     (image,), params = street(1), settings.params
     for name in EXTRACTORS:
         try:
@@ -67,7 +67,7 @@ def measure_extraction(settings: Settings) -> Iterator[Measurement]:
 
 def measure_pipeline(settings: Settings) -> Iterator[Measurement]:
     """
-    Yield the cost of the whole way, stage by stage, over a drive that comes back.
+    Yield the cost of all stages of processing, over a traverse that is driven twice.
 
     :raises PlaceRecognitionError: the extractor cannot run.
     """
@@ -78,18 +78,18 @@ def measure_pipeline(settings: Settings) -> Iterator[Measurement]:
         detections.append(recognizer.process(Frame(number * _NS, image)))
         spent.append((perf_counter() - start) * 1e3)
     stages = {
-        stage: float(np.median([each.milliseconds[stage] for each in detections]))
+        stage: float(np.median([detection.milliseconds[stage] for detection in detections]))
         for stage in detections[-1].milliseconds
     }
-    for stage, each in stages.items():
-        yield Measurement(f'image, {stage}', each, 'ms', each / stages['extract'], 'extract')
+    for stage, median in stages.items():
+        yield Measurement(f'image, {stage}', median, 'ms', median / stages['extract'], 'extract')
     own = stages['encode'] + stages['query'] + stages['insert']
     name = 'image, encode + query + insert'
     yield Measurement(name, own, 'ms', own / stages['extract'], 'extract')
     features = stages['extract'] + stages.get('keypoints', 0.0)
     yield Measurement(name, own, 'ms', own / features, 'extract + keypoints', '<= 0.4')
-    yield Measurement('image, all in all, median', float(np.median(spent)), 'ms')
-    yield Measurement('image, all in all, 99 %', float(np.percentile(spent, 99)), 'ms')
+    yield Measurement('image, total, median', float(np.median(spent)), 'ms')
+    yield Measurement('image, total, 99 %', float(np.percentile(spent, 99)), 'ms')
     database = recognizer.database
     kilobytes = database.nbytes / len(database) / 1e3
     yield Measurement('memory of a keyframe, with keypoints', kilobytes, 'kB')

@@ -9,7 +9,7 @@ import logging
 from shutil import disk_usage
 from tempfile import gettempdir
 
-from hdc_place_recognition.benchmark.filling import fill_alone, Filled, Filling, PARTS
+from hdc_place_recognition.benchmark.filling import fill_alone, FillResult, FillTask, PARTS
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import Measurement
 from hdc_place_recognition.benchmark.vectors import DIMENSIONS
@@ -29,15 +29,15 @@ _HONEST = '0.95 to 1.05'
 def measure_memory(settings: Settings) -> Iterator[Measurement]:
     """Yield insertion and memory of a growing database, and of two that are full."""
     _log.info('adding %d images', _IMAGES)
-    grown = fill_alone(Filling(_IMAGES))
+    grown = fill_alone(FillTask(_IMAGES))
     yield from _insertions(grown)
     yield _promise(f'memory of {_IMAGES} images', grown)
     _log.info('adding %d images to full databases', _MANY)
-    keypoints = fill_alone(Filling(_KEPT, landmarks=True))
+    keypoints = fill_alone(FillTask(_KEPT, landmarks=True))
     yield _promise(f'memory of {_KEPT} images with keypoints', keypoints)
-    few = fill_alone(Filling(_MANY, landmarks=True, max_keyframes=_KEPT))
+    few = fill_alone(FillTask(_MANY, landmarks=True, max_keyframes=_KEPT))
     yield from _bounded(f'max_keyframes {_KEPT}', few, few.images / _KEPT)
-    small = fill_alone(Filling(_MANY, landmarks=True, max_megabytes=_MEGABYTES))
+    small = fill_alone(FillTask(_MANY, landmarks=True, max_megabytes=_MEGABYTES))
     share = small.most_promised / 1e6 / _MEGABYTES
     yield from _bounded(f'max_database_mb {_MEGABYTES:g}', small, share)
 
@@ -50,7 +50,7 @@ def measure_million(settings: Settings) -> Iterator[Measurement]:
         _log.info('no room for %.1f GB in %s (set TMPDIR): skipped', needed / 1e9, folder)
         return
     _log.info('searching %d rows in %s', _MILLION, folder)
-    filling = Filling(_MILLION, row_type='float16', folder=folder, queries=_QUERIES)
+    filling = FillTask(_MILLION, row_type='float16', folder=folder, queries=_QUERIES)
     filled = fill_alone(filling)
     spent, rows = float(np.median(filled.queries_ms)), f'{_MILLION} rows'
     yield _allowed(f'two-stage query, 25 forms, {rows}', spent, 'ms', _ALLOWED_MS)
@@ -62,7 +62,7 @@ def measure_million(settings: Settings) -> Iterator[Measurement]:
     yield Measurement(f'insertion, maximum, {rows}', max(filled.maxima_us), 'us')
 
 
-def _insertions(filled: Filled) -> Iterator[Measurement]:
+def _insertions(filled: FillResult) -> Iterator[Measurement]:
     """Yield the median and the slowest insertion of each part, to be drawn."""
     first = filled.medians_us[0]
     for index, spent in enumerate(zip(filled.medians_us, filled.maxima_us, strict=True)):
@@ -73,12 +73,12 @@ def _insertions(filled: Filled) -> Iterator[Measurement]:
             yield Measurement(name, value, 'us', value / reference, unit, target)
 
 
-def _promise(name: str, filled: Filled) -> Measurement:
+def _promise(name: str, filled: FillResult) -> Measurement:
     taken = filled.taken_by[-1]
     return Measurement(name, taken / 1e6, 'MB', taken / filled.promised, 'promised', _HONEST)
 
 
-def _bounded(name: str, filled: Filled, share: float) -> Iterator[Measurement]:
+def _bounded(name: str, filled: FillResult, share: float) -> Iterator[Measurement]:
     yield Measurement(f'{name}: kept of {_MANY}', filled.images, '', share, 'limit', '<= 1')
     yield Measurement(f'{name}: forgotten', filled.forgotten, '')
     yield _promise(f'{name}: memory', filled)

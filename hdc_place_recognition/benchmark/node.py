@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The cost of the node end to end: images in, candidates out, parameters meanwhile."""
+"""The cost of the node from image to candidates, with parameter calls at the same time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from hdc_place_recognition.benchmark.node_user import Ride
+    from hdc_place_recognition.benchmark.load_generator import LoadResult
 
 _log = logging.getLogger(__name__)
 _KEYFRAMES = 10_000
@@ -38,13 +38,16 @@ _LATENCY_TARGETS = {((640, 480), 30): '<= 60 ms'}
 
 def measure_node(settings: Settings) -> Iterator[Measurement]:
     """
-    Yield what the node does with images of some sizes at some rates; skipped without ROS.
+    Yield latencies and counts of the node at several image sizes and rates.
+
+    Without ROS or psutil the node is skipped.
 
     :raises PlaceRecognitionError: the node does not start.
     """
-    if find_spec('rclpy') is None:
-        _log.info('rclpy is not installed: the node is skipped')
-        return
+    for package in ('rclpy', 'psutil'):
+        if find_spec(package) is None:
+            _log.warning('%s is not installed: the node is skipped', package)
+            return
     _set_up_ros()
     import rclpy
 
@@ -60,40 +63,40 @@ def measure_node(settings: Settings) -> Iterator[Measurement]:
 def _measure_size(
     settings: Settings, size: tuple[int, int], rates: tuple[int, ...]
 ) -> Iterator[Measurement]:
-    from hdc_place_recognition.benchmark.node_process import Drive, node_process
-    from hdc_place_recognition.benchmark.node_user import User
+    from hdc_place_recognition.benchmark.load_generator import LoadGenerator
+    from hdc_place_recognition.benchmark.node_process import LoadTask, node_process
 
-    drive, threads = Drive(_KEYFRAMES, settings.images, *size), settings.params.threads
+    task, threads = LoadTask(_KEYFRAMES, settings.images, *size), settings.params.threads
     images = street(settings.images, *size)
-    with node_process(drive, settings.params) as process:
-        user = User(process.pid)
+    with node_process(task, settings.params) as process:
+        generator = LoadGenerator(process.pid)
         try:
-            user.wait_for_node(lambda: process.poll() is None)
+            generator.wait_for_node(lambda: process.poll() is None)
             for rate in rates:
                 name = f'node, threads {threads}, {size[0]} x {size[1]}, {rate} Hz: '
                 _log.info('measuring %s', name.rstrip(': '))
                 target = _LATENCY_TARGETS.get((size, rate), '')
-                yield from _report(name, user.ride(images, rate, _SECONDS), target)
+                yield from _report(name, generator.run(images, rate, _SECONDS), target)
         finally:
-            user.destroy_node()
+            generator.destroy_node()
 
 
-def _report(name: str, ride: Ride, latency_target: str) -> Iterator[Measurement]:
-    yield from _quantiles(f'{name}latency', ride.latencies_ms, (latency_target, ''))
-    yield Measurement(f'{name}images sent', ride.sent, '')
-    yield Measurement(f'{name}images answered', ride.answered, '')
-    yield Measurement(f'{name}images dropped while busy', ride.dropped, '')
-    yield Measurement(f'{name}images passed over or refused', ride.passed_over, '')
-    yield Measurement(f'{name}images lost by DDS', ride.lost, '', target='0')
-    yield Measurement(f'{name}images unaccounted for', ride.unaccounted, '', target='0')
-    yield Measurement(f'{name}CPU of the process', ride.cpu, 'cores')
-    yield from _quantiles(f'{name}parameter call', ride.calls_ms, ('', _CALL_TARGET))
+def _report(name: str, result: LoadResult, latency_target: str) -> Iterator[Measurement]:
+    yield from _quantiles(f'{name}latency', result.latencies_ms, (latency_target, ''))
+    yield Measurement(f'{name}images sent', result.sent, '')
+    yield Measurement(f'{name}images answered', result.answered, '')
+    yield Measurement(f'{name}images dropped while busy', result.dropped, '')
+    yield Measurement(f'{name}images skipped or refused', result.skipped, '')
+    yield Measurement(f'{name}images lost by DDS', result.lost, '', target='0')
+    yield Measurement(f'{name}images unaccounted for', result.unaccounted, '', target='0')
+    yield Measurement(f'{name}CPU of the process', result.cpu, 'cores')
+    yield from _quantiles(f'{name}parameter call', result.calls_ms, ('', _CALL_TARGET))
 
 
 def _quantiles(
     name: str, spent_ms: NDArray[np.float64], targets: tuple[str, str]
 ) -> Iterator[Measurement]:
-    """Yield median and 99 % of what there is; nothing if there was no answer at all."""
+    """Yield median and 99 % quantile; nothing if there was no answer."""
     for share, words, target in zip((50, 99), ('median', '99 %'), targets, strict=True):
         if len(spent_ms):
             spent = float(np.percentile(spent_ms, share))
@@ -102,10 +105,10 @@ def _quantiles(
 
 def _set_up_ros() -> None:
     """
-    Keep to this machine, and to images that Fast DDS can carry, unless something else is set.
+    Restrict ROS to this machine and enlarge the segment of Fast DDS, unless set otherwise.
 
-    Both processes read the profile of `config/`, as README advises: without it most images of
-    this size are lost before any node sees them.
+    Both processes read the profile in `config/`. Without it Fast DDS loses most images of this
+    size (doc/troubleshooting.md).
     """
     settings = {
         'AMENT_PREFIX_PATH': sys.prefix,
@@ -119,7 +122,7 @@ def _set_up_ros() -> None:
 
 
 def _large_images_profile() -> Path | None:
-    """Return the file, of the source tree or as installed by colcon or pip; None without one."""
+    """Return the profile of the source tree or the installation; None without one."""
     prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
     shares = [Path(prefix, 'share', 'hdc_place_recognition') for prefix in prefixes]
     for folder in (Path(__file__).parents[2], *shares):

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The node in a process of its own, with a database that is full before it spins."""
+"""The node in a separate process, with a database that is filled before the node spins."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 TOPIC = '/benchmark/image'
-# One keyframe in so many shows the drive, once more; the others are of elsewhere.
+# One of this many keyframes shows the published images; the others show other places.
 _DRIVE_EVERY = 10
-# Of the landmarks of a place so many are found again, a little different: steps of what is stored.
+# Share of keypoints that are found again, with small changes in steps of the stored integers.
 _FOUND_AGAIN = 0.4
 _OTHER_LIGHT, _OTHER_PLACE = 6, 100
 _VIEW_NOISE = 0.5
-# Keyframes are older than any image that comes.
+# Keyframes are older than any image.
 _LONG_AGO_NS = 10**15
 _SHUTDOWN_S = 10.0
 
 
 @dataclass(frozen=True)
-class Drive:
-    """The images that are shown to the node, and how many keyframes it has before."""
+class LoadTask:
+    """The images that are published to the node, and the keyframes that it has before."""
 
     keyframes: int
     images: int
@@ -47,18 +47,18 @@ class Drive:
 
 
 @contextmanager
-def node_process(drive: Drive, params: Params) -> Iterator[subprocess.Popen[bytes]]:
+def node_process(task: LoadTask, params: Params) -> Iterator[subprocess.Popen[bytes]]:
     """
-    Run the node beside this process and end it, whatever happens.
+    Run the node in a separate process, and end it in any case.
 
-    :param params: the extractor and the number of threads are those of the node too.
+    :param params: extractor and number of threads of the node.
     """
-    numbers = (drive.keyframes, drive.images, drive.width, drive.height)
-    words = ['--ros-args', '--log-level', 'warn', '-r', f'image:={TOPIC}']
-    words += ['-p', 'min_interval_s:=0.0']
+    numbers = (task.keyframes, task.images, task.width, task.height)
+    options = ['--ros-args', '--log-level', 'warn', '-r', f'image:={TOPIC}']
+    options += ['-p', 'min_interval_s:=0.0']
     for name in ('extractor', 'threads'):
-        words += ['-p', f'{name}:={getattr(params, name)}']
-    command = [sys.executable, '-m', __name__, *map(str, numbers), *words]
+        options += ['-p', f'{name}:={getattr(params, name)}']
+    command = [sys.executable, '-m', __name__, *map(str, numbers), *options]
     process = subprocess.Popen(command)
     try:
         yield process
@@ -73,27 +73,27 @@ def node_process(drive: Drive, params: Params) -> Iterator[subprocess.Popen[byte
 
 def main(argv: Sequence[str]) -> int:
     """Run the node until it is interrupted."""
-    drive = Drive(*map(int, argv[:4]))
+    task = LoadTask(*map(int, argv[:4]))
 
     def create() -> PlaceRecognitionNode:
         node = PlaceRecognitionNode()
-        fill(node.recognizer, drive)
+        fill(node.recognizer, task)
         return node
 
     return run_node(argv[4:], create)
 
 
-def fill(recognizer: PlaceRecognizer, drive: Drive) -> None:
+def fill(recognizer: PlaceRecognizer, task: LoadTask) -> None:
     """
-    Fill a database with keyframes, some of which every image of the drive will be found in.
+    Fill a database with keyframes; for each published image it contains matches.
 
-    Landmarks are those of the drive's images, with noise: where nothing is found again, matching
-    costs what it costs on a robot, and where something is, the geometry is checked too.
+    The keypoints are those of the published images, with noise. Matching therefore takes as long
+    as on a robot, and the geometry of true matches is computed too.
     """
-    images = street(drive.images, drive.width, drive.height)
+    images = street(task.images, task.width, task.height)
     views = [recognizer.observe(Frame(0, image)).query for image in images]
-    world, rng = World(drive.keyframes), np.random.default_rng(0)
-    for number in range(drive.keyframes):
+    world, rng = World(task.keyframes), np.random.default_rng(0)
+    for number in range(task.keyframes):
         visit, elsewhere = divmod(number, _DRIVE_EVERY)
         view = views[visit % len(views)]
         row = world.row(number)

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the benchmark writes: a table, JSON, and a plot of cost against size."""
+"""The output of the benchmark: a table, JSON, and plots of cost against database size."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def table(measurements: Sequence[Measurement]) -> str:
     rows = [('what', 'value', 'ratio', 'to', 'target')]
     rows += [
         (
-            each.name,
-            f'{each.value:.3g} {each.unit}'.strip(),
-            '' if each.ratio is None else f'{each.ratio:.3f}',
-            each.reference,
-            each.target,
+            item.name,
+            f'{item.value:.3g} {item.unit}'.strip(),
+            '' if item.ratio is None else f'{item.ratio:.3f}',
+            item.reference,
+            item.target,
         )
-        for each in measurements
+        for item in measurements
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return '\n'.join('  '.join(map(str.ljust, row, widths)).rstrip() for row in rows)
@@ -39,15 +39,15 @@ def table(measurements: Sequence[Measurement]) -> str:
 
 def write(measurements: Sequence[Measurement], folder: Path) -> list[Path]:
     """
-    Write benchmark.json and, if matplotlib is installed, plots; return the files.
+    Write benchmark.json and, if matplotlib is installed, plots; return the files written.
 
-    benchmark.png is of what depends on the size of a database; insertion.png of one that grows.
+    benchmark.png shows costs against database size; insertion.png shows a growing database.
     """
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / 'benchmark.json'
     about = {'machine': platform.machine(), 'python': platform.python_version()}
     about['numpy'] = np.__version__
-    content = {**about, 'measurements': [asdict(each) for each in measurements]}
+    content = {**about, 'measurements': [asdict(item) for item in measurements]}
     file.write_text(json.dumps(content, indent=2) + '\n')
     if find_spec('matplotlib') is None:
         return [file]
@@ -60,21 +60,21 @@ def write(measurements: Sequence[Measurement], folder: Path) -> list[Path]:
 
 
 def curves(measurements: Sequence[Measurement]) -> Curves:
-    """Return for what depends on the database's size (rows, milliseconds), in order."""
+    """Return the costs that depend on database size: (rows, milliseconds), ascending."""
     found: Curves = {}
-    for each in measurements:
-        if match := _SIZED.fullmatch(each.name):
-            value = each.value / 1e3 if each.unit == 'us' else each.value
+    for item in measurements:
+        if match := _SIZED.fullmatch(item.name):
+            value = item.value / 1e3 if item.unit == 'us' else item.value
             found.setdefault(match['what'], []).append((int(match['rows']), value))
     return {name: sorted(points) for name, points in found.items()}
 
 
 def insertions(measurements: Sequence[Measurement]) -> Curves:
-    """Return median and maximum of insertion (row, microseconds) while a database grows."""
+    """Return median and maximum insertion time in a growing database: (row, microseconds)."""
     found: Curves = {}
-    for each in measurements:
-        if match := _PART.fullmatch(each.name):
-            found.setdefault(match['kind'], []).append((int(match['row']), each.value))
+    for item in measurements:
+        if match := _PART.fullmatch(item.name):
+            found.setdefault(match['kind'], []).append((int(match['row']), item.value))
     return found
 
 

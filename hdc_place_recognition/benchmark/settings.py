@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every part of the benchmark is told."""
+"""The settings of a benchmark run, common to all parts."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from hdc_place_recognition.params.table import Params
 @dataclass(frozen=True)
 class Settings:
     """
-    What is measured, and against what.
+    Sizes and references of a benchmark run.
 
-    :param bandwidth: of the memory, bytes a millisecond on one core.
-    :param products: of float32 that one core adds up in a millisecond.
-    :param sizes: rows of the databases that are asked.
-    :param images: of the drive, which is driven twice.
+    :param bandwidth: read bandwidth of one core, bytes per millisecond.
+    :param products: multiply-add rate of one core in float32, operations per millisecond.
+    :param sizes: sizes of the databases that are searched, rows.
+    :param images: images of a traverse, which is processed twice.
     """
 
     params: Params

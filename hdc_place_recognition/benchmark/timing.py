@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a benchmark measures with, and what it measures against."""
+"""Measuring times, and the limits of the machine as references."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from time import perf_counter
 
 import numpy as np
 
-# More than any cache holds.
+# Larger than any cache.
 _READ_BYTES = 256 << 20
-# A product of matrices as large as they are fastest.
+# Matrix sizes at which the product is fastest.
 _MULTIPLIED = 1024, 4096
 
 
@@ -21,9 +21,9 @@ class Measurement:
     """
     One line of the benchmark.
 
-    :param value: in the unit.
-    :param ratio: to the reference, which was measured in the same run; None without one.
-    :param target: what the ratio should be, in words.
+    :param value: measured value, in `unit`.
+    :param ratio: ratio to the reference, which is measured in the same run; None without one.
+    :param target: the target of the ratio, as text.
     """
 
     name: str
@@ -35,13 +35,13 @@ class Measurement:
 
 
 def milliseconds(run: Callable[[], object], repeats: int = 5) -> float:
-    """Return the least time of some runs after a first one: what others do is no part of it."""
+    """Return the least time of some runs after a warm-up, which excludes the load of others."""
     run()
     return min(each_milliseconds(run, repeats))
 
 
 def each_milliseconds(run: Callable[[], object], repeats: int) -> list[float]:
-    """Return how long each of some runs takes."""
+    """Return the time of each run."""
     spent = []
     for _ in range(repeats):
         start = perf_counter()
@@ -51,13 +51,13 @@ def each_milliseconds(run: Callable[[], object], repeats: int) -> list[float]:
 
 
 def read_bandwidth() -> float:
-    """Return how many bytes a millisecond one core reads from memory."""
+    """Return the read bandwidth of one core, bytes per millisecond."""
     numbers = np.ones(_READ_BYTES // 4, np.float32)
     return _READ_BYTES / milliseconds(numbers.max)
 
 
 def multiplication_rate() -> float:
-    """Return how many products of float32 are added up in a millisecond at best, on one core."""
+    """Return the multiply-add rate of one core in float32, operations per millisecond."""
     rows, columns = _MULTIPLIED
-    one, other = np.ones((rows, columns), np.float32), np.full((rows, columns), 2, np.float32)
-    return rows * rows * columns / milliseconds(lambda: one @ other.T)
+    a, b = np.ones((rows, columns), np.float32), np.full((rows, columns), 2, np.float32)
+    return rows * rows * columns / milliseconds(lambda: a @ b.T)

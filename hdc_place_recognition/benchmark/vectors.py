@@ -66,8 +66,8 @@ class World:
         return normalize(shared + _noise(rng, 1)[0])
 
 
-class Crowd(World):
-    """The same for millions of rows: what is their own is one of many cuts of some noise."""
+class LargeWorld(World):
+    """The same for millions of rows: their random parts are sections of a common noise array."""
 
     def __init__(self, rows: int, seed: int = 0) -> None:
         super().__init__(rows, seed)

@@ -1,3 +1,3 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A drive round a block of streets: rendered, played through the node, and compared."""
+"""The demo: render a drive around a block of streets, play it through the node, check closures."""

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The drive as a rosbag: images, the camera's calibration and odometry."""
+"""Writes the drive as a rosbag: images, camera calibration and odometry."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _TYPES = {
 def render_sequence(
     seed: int = 0, laps: float = LAPS
 ) -> Iterator[tuple[Moment, NDArray[np.uint8]]]:
-    """Yield when and where each image is taken, and the image, (240, 320, 3) BGR."""
+    """Yield the state of the vehicle at each image, and the image, (240, 320, 3) BGR."""
     world = StreetWorld(seed)
     for moment in Route(laps).images():
         yield moment, world.render(moment.pose, moment.lap)
@@ -41,13 +41,13 @@ def render_sequence(
 
 def write_bag(path: Path, *, storage: str = 'sqlite3', laps: float = LAPS, seed: int = 0) -> None:
     """
-    Write the drive as a ROS 2 bag, its messages in the order of their stamps.
+    Write the drive as a ROS 2 bag, messages in the order of their stamps.
 
     :param path: folder of the bag, must not exist.
     :param storage: 'sqlite3' or 'mcap'.
-    :param laps: how often the vehicle goes round.
-    :param seed: of the world; the same seed gives the same messages.
-    :raises PlaceRecognitionError: the folder exists or cannot be made, or no such storage.
+    :param laps: number of laps around the block, also a fraction.
+    :param seed: seed of the world; the same seed gives the same messages.
+    :raises PlaceRecognitionError: the folder exists or cannot be made, or the storage is unknown.
     """
     if storage not in STORAGES:
         raise PlaceRecognitionError(f'bag storage {storage!r} is none of {", ".join(STORAGES)}')
@@ -104,7 +104,7 @@ def _camera_info(header: Any) -> Any:
 
 
 def _odometry(laps: float) -> Iterator[tuple[int, str, Any]]:
-    """Yield stamp, topic and message of each odometry, which is exact."""
+    """Yield stamp, topic and message of each odometry sample; odometry is exact."""
     for moment in Route(laps).odometry():
         pose, half = moment.pose, moment.pose.yaw / 2
         position = _make('geometry_msgs/Point', pose.x, pose.y, 0.0)
@@ -137,6 +137,6 @@ def _header(moment: Moment, frame: str) -> Any:
 
 
 def _make(kind: str, *fields: Any) -> Any:
-    """Return a message of a kind like 'std_msgs/Header' from all its fields in order."""
+    """Return a message of a type such as 'std_msgs/Header', from all its fields in order."""
     package, name = kind.split('/')
     return _STORE.types[f'{package}/msg/{name}'](*fields)

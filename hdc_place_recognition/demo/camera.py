@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The camera of the demo: an ideal pinhole that looks level along the street."""
+"""The camera of the demo: an ideal pinhole camera that looks along the street."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 @dataclass(frozen=True)
 class Camera:
     """
-    A level pinhole camera at `height_m` above the ground.
+    A pinhole camera with a horizontal optical axis, `height_m` above the ground.
 
-    Its sensor is shifted so that the horizon lies at `horizon` of the image's height.
+    The sensor is shifted so that the horizon lies at the share `horizon` of the image height.
     """
 
     width: int
@@ -27,7 +27,7 @@ class Camera:
 
     @property
     def focal_px(self) -> float:
-        """Return the focal length in pixels, the same both ways."""
+        """Return the focal length in pixels, equal in x and y."""
         return self.width / 2 / float(np.tan(np.radians(self.field_of_view_deg) / 2))
 
     @property
@@ -37,7 +37,7 @@ class Camera:
         return np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])
 
     def magnified(self, factor: int) -> Camera:
-        """Return the camera with `factor` times as many pixels each way."""
+        """Return the camera with `factor` times as many pixels in x and y."""
         return replace(self, width=self.width * factor, height=self.height * factor)
 
     def project(self, matrices: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Parked cars: a profile, extruded to the car's width."""
+"""Parked cars: a profile, extruded to the width of the car."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from hdc_place_recognition.demo.canvas import (
     Canvas,
-    Colour,
+    Color,
     DARK,
     GLASS,
     outline,
@@ -22,20 +22,20 @@ from hdc_place_recognition.demo.route import Pose
 import numpy as np
 from numpy.typing import NDArray
 
-PIXELS_PER_METRE = 40.0
+PIXELS_PER_METER = 40.0
 WIDTH_M = 1.75
 LENGTH_M = 4.3
 HEIGHT_M = 2.0
 PAINTS = palette('aa2828 285096 383a3c c8c8c8 ebebeb 3c783c dcaa32 6e7d82')
-# From the front bumper over the roof to the rear bumper: metres from the rear, metres up.
-SALOON = outline('4.3,0.25 4.3,0.75 3.2,0.95 2.5,1.45 1.1,1.45 0.5,1.0 0,0.95 0,0.25')
+# From the front bumper over the roof to the rear bumper: meters from the rear, meters up.
+SEDAN = outline('4.3,0.25 4.3,0.75 3.2,0.95 2.5,1.45 1.1,1.45 0.5,1.0 0,0.95 0,0.25')
 VAN = outline('4.3,0.25 4.3,0.95 3.7,1.15 3.2,1.95 0.1,1.95 0.05,1.2 0,1.15 0,0.25')
-WINDSCREEN, REAR_WINDOW, FRONT, REAR = 2, 4, 0, 6  # among the strips between profile points
+WINDSHIELD, REAR_WINDOW, FRONT, REAR = 2, 4, 0, 6  # index of the strip between profile points
 
 
 def car(pose: Pose, rng: np.random.Generator) -> Iterator[Panel]:
-    """Return the panels of a car of random paint and shape whose middle is at the pose."""
-    profile = VAN if rng.random() < 0.25 else SALOON
+    """Yield the panels of a car of random paint and shape, centered at the pose."""
+    profile = VAN if rng.random() < 0.25 else SEDAN
     paint = PAINTS[int(rng.integers(len(PAINTS)))]
     forward = np.array([np.cos(pose.yaw), np.sin(pose.yaw), 0])
     left = np.array([-forward[1], forward[0], 0])
@@ -59,17 +59,17 @@ def _panel(
     return Panel(np.column_stack([across, down, corner]), Texture(pixels))
 
 
-def _side(profile: Sequence[Point], paint: Colour) -> Canvas:
-    """Paint the right side, its front to the right."""
-    canvas = Canvas(LENGTH_M, HEIGHT_M, PIXELS_PER_METRE)
+def _side(profile: Sequence[Point], paint: Color) -> Canvas:
+    """Paint the right side of the car, with its front on the right."""
+    canvas = Canvas(LENGTH_M, HEIGHT_M, PIXELS_PER_METER)
     canvas.polygon(profile, paint)
-    (bonnet, sill), (front, roof), (rear, _), (boot, _) = profile[2:6]
+    (hood, sill), (front, roof), (rear, _), (trunk, _) = profile[2:6]
     canvas.polygon(
         [
-            (bonnet - 0.15, sill),
+            (hood - 0.15, sill),
             (front - 0.1, roof - 0.08),
             (rear + 0.1, roof - 0.08),
-            (boot + 0.2, sill + 0.02),
+            (trunk + 0.2, sill + 0.02),
         ],
         GLASS,
     )
@@ -81,11 +81,11 @@ def _side(profile: Sequence[Point], paint: Colour) -> Canvas:
     return canvas
 
 
-def _strip(index: int, paint: Colour) -> Canvas:
-    """Paint one strip over the car's width: a window, a bumper with its lights, or plain."""
-    colour = GLASS if index in (WINDSCREEN, REAR_WINDOW) else paint
-    canvas = Canvas(WIDTH_M, 0.6, PIXELS_PER_METRE, colour)
-    if index in (WINDSCREEN, REAR_WINDOW):
+def _strip(index: int, paint: Color) -> Canvas:
+    """Paint a strip across the car: a window, a bumper with lights, or plain."""
+    color = GLASS if index in (WINDSHIELD, REAR_WINDOW) else paint
+    canvas = Canvas(WIDTH_M, 0.6, PIXELS_PER_METER, color)
+    if index in (WINDSHIELD, REAR_WINDOW):
         canvas.box(0, 0, WIDTH_M, 0.6, paint, border=0.08)
     if index in (FRONT, REAR):
         light = (235, 240, 245) if index == FRONT else (40, 40, 200)

@@ -1,24 +1,24 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Flat things of the block that are no house fronts: bare walls, banners, a railing."""
+"""Flat objects of the block other than house fronts: bare walls, banners, a railing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from hdc_place_recognition.demo.canvas import Canvas, Colour, DARK, shaded
+from hdc_place_recognition.demo.canvas import Canvas, Color, DARK, shaded
 from hdc_place_recognition.demo.house import House
 from hdc_place_recognition.demo.panels import Panel, Texture, upright
-from hdc_place_recognition.demo.plan import KERB_M, Lot, RAILING, STREETS
+from hdc_place_recognition.demo.plan import CURB_M, Lot, RAILING, STREETS
 import numpy as np
 from numpy.typing import NDArray
 
 DEPTH_M = 5.0
-INSET_M = 0.05  # of bare walls, behind the fronts round the corner
+INSET_M = 0.05  # of bare walls, behind the fronts around the corner
 POST_M = 2.0
-# Words, colour and place along the street, from -1 to 1, of each street's banner.
-BANNERS: tuple[tuple[str, Colour, float], ...] = (
+# Text, color and position along the street (-1 to 1) of the banner of each street.
+BANNERS: tuple[tuple[str, Color, float], ...] = (
     ('SUMMER FAIR', (60, 60, 200), 0.5),
     ('MUSEUM', (150, 90, 40), -0.2),
     ('BOAT RACE', (60, 190, 230), 0.1),
@@ -27,7 +27,7 @@ BANNERS: tuple[tuple[str, Colour, float], ...] = (
 
 
 def bare_walls(row: Sequence[Lot]) -> Iterator[Panel]:
-    """Return the backs of a row's houses, and their sides where they rise above a neighbour."""
+    """Yield the backs of the houses of a row, and their sides where they rise above a neighbor."""
     around = [0.0, *(lot.house.eaves for lot in row), 0.0]
     for lot, before, after in zip(row, around[:-2], around[2:], strict=True):
         left, right = lot.left + INSET_M * lot.along, lot.right - INSET_M * lot.along
@@ -42,24 +42,24 @@ def bare_walls(row: Sequence[Lot]) -> Iterator[Panel]:
 def _bare(
     house: House, left: NDArray[np.float64], right: NDArray[np.float64], bottom: float
 ) -> Panel:
-    texture = Texture(np.full((1, 1, 3), shaded(house.colour, 0.8), np.uint8))
+    texture = Texture(np.full((1, 1, 3), shaded(house.color, 0.8), np.uint8))
     return upright(left, right, bottom, house.eaves, texture)
 
 
 def banners() -> Iterator[Panel]:
-    """Return a banner between two poles across each street."""
-    for street, (words, colour, share) in zip(STREETS, BANNERS, strict=True):
-        canvas = Canvas(2 * KERB_M, 6.8, 32.0)
+    """Yield a banner between two poles across each street."""
+    for street, (words, color, share) in zip(STREETS, BANNERS, strict=True):
+        canvas = Canvas(2 * CURB_M, 6.8, 32.0)
         for x in (0.0, canvas.width - 0.15):
             canvas.box(x, 0, x + 0.15, canvas.height, DARK)
-        canvas.box(0, 5.2, canvas.width, 6.6, colour)
+        canvas.box(0, 5.2, canvas.width, 6.6, color)
         canvas.text(words, 2.0, 5.5, canvas.width - 2.0, 6.3, (240, 245, 245))
-        left, right = (street.at(share * street.reach, offset) for offset in (KERB_M, -KERB_M))
+        left, right = (street.at(share * street.reach, offset) for offset in (CURB_M, -CURB_M))
         yield upright(left, right, 0.0, canvas.height, Texture(canvas.pixels))
 
 
 def railing() -> Iterator[Panel]:
-    """Return the railing along the canal."""
+    """Yield the panels of the railing along the canal."""
     start, end = np.array(RAILING)
     count = round(float(np.hypot(*(end - start))) / POST_M)
     canvas = Canvas(POST_M, 1.1, 32.0)

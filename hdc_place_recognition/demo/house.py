@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is decided of a house before it is painted."""
+"""The design of a house, before it is painted."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hdc_place_recognition.demo.canvas import Colour, palette, shuffled
+from hdc_place_recognition.demo.canvas import Color, palette, shuffled
 import numpy as np
 
 GROUND_FLOOR_M = 3.8
 FLOOR_M = 3.1
 ROOF_M = 2.2
 
-COLOURS = palette(
+COLORS = palette(
     'ecdebe deb478 c47860 e2b0b0 b0d6c4 96bed6 b8b6b2 ebe8e4 96544a 688670 eec896 7a808c c8965a'
 )
 TRIMS = palette('f0eeeb aa9678 5c463c 466e5a 3c5478 8c4646 d2c4a0')
@@ -34,22 +34,22 @@ NAMES = (
 @dataclass(frozen=True)
 class House:
     """
-    A house without its place.
+    The design of a house, without its position.
 
-    :param width: of the front, metres.
-    :param floors: above the ground floor.
-    :param colour: of the walls.
-    :param trim: colour of frames, ledges and shutters.
-    :param accent: colour of doors, boards and awnings.
-    :param wall: the painter's name, as those of `windows`, `roof` and `ground_floor`.
-    :param name: on the board above the shop.
+    :param width: width of the front, meters.
+    :param floors: number of floors above the ground floor.
+    :param color: color of the walls.
+    :param trim: color of frames, ledges and shutters.
+    :param accent: color of doors, boards and awnings.
+    :param wall: name of the painter, as for `windows`, `roof` and `ground_floor`.
+    :param name: text on the board above the shop.
     """
 
     width: float
     floors: int
-    colour: Colour
-    trim: Colour
-    accent: Colour
+    color: Color
+    trim: Color
+    accent: Color
     wall: str
     windows: str
     roof: str
@@ -58,22 +58,22 @@ class House:
 
     @property
     def eaves(self) -> float:
-        """Return the height of the roof's lower edge in metres."""
+        """Return the height of the lower edge of the roof in meters."""
         return GROUND_FLOOR_M + FLOOR_M * self.floors
 
     @property
     def height(self) -> float:
-        """Return the height of the front in metres."""
+        """Return the height of the front in meters."""
         return self.eaves + ROOF_M
 
 
-# Returns the next house, of the width it is given.
+# Returns the next house, of the given width.
 Builder = Callable[[float], House]
 
 
 def town_houses(rng: np.random.Generator) -> Builder:
-    """Return a builder of houses of which successive ones differ in nearly every respect."""
-    looks = (COLOURS, TRIMS, ACCENTS)
+    """Return a builder of houses; successive houses differ in nearly every respect."""
+    looks = (COLORS, TRIMS, ACCENTS)
     painters = (WALLS, WINDOWS, ROOFS, GROUND_FLOORS)
     choices: tuple[Sequence[Any], ...] = ((2, 3, 4), *looks, *painters, NAMES.split(','))
     designs = zip(*(shuffled(choice, rng) for choice in choices), strict=False)
@@ -82,7 +82,7 @@ def town_houses(rng: np.random.Generator) -> Builder:
 
 def viaduct_arches() -> Builder:
     """Return a builder of the arches of a railway viaduct."""
-    colour, trim, accent = palette('9e8068 886e5a 32323c')
+    color, trim, accent = palette('9e8068 886e5a 32323c')
     return lambda width: House(
-        width, 1, colour, trim, accent, 'stones', 'blind', 'parapet', 'viaduct', ''
+        width, 1, color, trim, accent, 'stones', 'blind', 'parapet', 'viaduct', ''
     )

@@ -1,9 +1,9 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the demo world is made of: textured parallelograms, and pictures that face the camera.
+Building blocks of the demo world: textured parallelograms and pictures that face the camera.
 
-World axes: x east, y north, z up, in metres.
+World axes: x east, y north, z up, in meters.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Texture:
-    """(h, w, 3) BGR or (h, w, 4) BGR and opacity, uint8, with its minified versions."""
+    """An image, (h, w, 3) BGR or (h, w, 4) BGRA, uint8, with cached minified versions."""
 
     pixels: NDArray[np.uint8]
     _levels: dict[tuple[int, int], NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
     def level(self, across: int, down: int) -> NDArray[np.uint8]:
-        """Return the texture minified by 2**across and 2**down, at least one pixel each way."""
+        """Return the texture minified by 2**across and 2**down, at least 1 x 1 pixel."""
         if (across, down) not in self._levels:
             height, width = self.pixels.shape[:2]
             size = max(width >> across, 1), max(height >> down, 1)
@@ -37,10 +37,10 @@ class Texture:
 @dataclass(frozen=True)
 class Panel:
     """
-    A textured parallelogram, seen from one side only.
+    A textured parallelogram, visible from one side only.
 
-    The columns of its (3, 3) matrix are its edge to the right, its edge downward and its top left
-    corner: (s, t, 1) with s and t in [0, 1] is a point of it.
+    The columns of the (3, 3) matrix are the edge to the right, the edge downward and the top left
+    corner: matrix @ (s, t, 1) with s and t in [0, 1] is a point of the panel.
     """
 
     matrix: NDArray[np.float64]
@@ -48,7 +48,7 @@ class Panel:
 
     @property
     def normal(self) -> NDArray[np.float64]:
-        """Return the unit vector towards those who see the panel, (3,)."""
+        """Return the unit normal on the visible side, (3,)."""
         across, down = self.matrix[:, 0], self.matrix[:, 1]
         normal: NDArray[np.float64] = np.cross(down, across)
         return normal / float(np.linalg.norm(normal))
@@ -61,7 +61,7 @@ def upright(
     top: float,
     texture: Texture,
 ) -> Panel:
-    """Return the vertical panel between two points of the ground plan, seen left to right."""
+    """Return the vertical panel between two points of the plan, as seen from left to right."""
     across = right[0] - left[0], right[1] - left[1], 0.0
     columns = [across, (0.0, 0.0, bottom - top), (*left, top)]
     return Panel(np.array(columns, np.float64).T, texture)
@@ -69,7 +69,7 @@ def upright(
 
 @dataclass(frozen=True)
 class Sprite:
-    """A picture that stands at a place and always faces the camera; metres."""
+    """An upright picture at a position, which always faces the camera; meters."""
 
     place: Point
     width: float

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The plan of the block: where houses, the park and the canal are, and where the streets lead."""
+"""The plan of the block: positions of houses, park, canal and streets."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from hdc_place_recognition.demo.route import HALF_LENGTH_M, HALF_WIDTH_M, Pose
 import numpy as np
 from numpy.typing import NDArray
 
-# The map: metres east and north of the middle of the block.
+# The map: meters east and north of the middle of the block.
 WEST_M, SOUTH_M, EAST_M, NORTH_M = -70.0, -40.0, 70.0, 50.0
 
-# House lines, in the order in which those who look at the fronts see them from left to right:
-# the far bank of a canal in the north; in the east a side street and south of it a yard, in the
-# west a square; the block itself, whose east end is a park.
+# House lines, from left to right as seen from the street: the far bank of a canal in the north; a
+# side street and a yard in the east, a square in the west; the block itself, with a park at its
+# east end.
 HOUSE_LINES = (
     outline('-69,27 -69,49 69,49 69,27 38,27'),
     outline(
@@ -35,11 +35,11 @@ RAILING = outline('-62,27 38,27')
 SIDE_STREET = outline('28,-18 66,-18')
 HOUSE_WIDTH_M = 8.5
 
-# To either side of the middle of the road.
+# Distances from the middle of the road, on both sides.
 ROAD_M = 5.5
 PARKING_M = 4.4
-KERB_M = 6.3
-PAVEMENT_M = 7.8
+CURB_M = 6.3
+SIDEWALK_M = 7.8
 
 BAY_M = 5.4
 CORNER_FREE_M = 11.0  # without bays and furniture
@@ -47,7 +47,7 @@ CORNER_FREE_M = 11.0  # without bays and furniture
 
 @dataclass(frozen=True)
 class Lot:
-    """A house and the (2,) points between which its front stands, seen from left to right."""
+    """A house and the (2,) end points of its front, from left to right as seen from the street."""
 
     left: NDArray[np.float64]
     right: NDArray[np.float64]
@@ -66,7 +66,7 @@ class Lot:
 
 
 def rows(rng: np.random.Generator) -> Iterator[tuple[Lot, ...]]:
-    """Return the houses along each straight part of the house lines, and the viaduct."""
+    """Yield the lots along each straight part of the house lines, and the viaduct."""
     town = town_houses(rng)
     for line in HOUSE_LINES:
         for start, end in pairwise(np.array(line)):
@@ -87,20 +87,20 @@ def _row(
 
 @dataclass(frozen=True)
 class Street:
-    """One of the four straights, within `reach` metres of its middle; its direction in radians."""
+    """One of the four straight streets, `reach` meters to both sides of its middle."""
 
     middle: Point
     yaw: float
     reach: float
 
     def at(self, ahead: float, left: float) -> Point:
-        """Return the point so many metres down the street from its middle, and to the left."""
+        """Return the point `ahead` meters down the street and `left` meters to the left."""
         cos, sin = float(np.cos(self.yaw)), float(np.sin(self.yaw))
         x, y = self.middle
         return x + ahead * cos - left * sin, y + ahead * sin + left * cos
 
     def along(self, left: float, spacing: float) -> Iterator[Pose]:
-        """Return poses so far to the left of the street's middle, heading down the street."""
+        """Yield poses `left` meters to the left of the middle, heading down the street."""
         for ahead in np.arange(spacing / 2 - self.reach, self.reach, spacing).tolist():
             yield Pose(*self.at(ahead, left), self.yaw)
 
@@ -114,7 +114,7 @@ STREETS = (
 
 
 def along_streets(offset: float, spacing: float) -> Iterator[Pose]:
-    """Return the poses of `Street.along` for all streets, on both sides of them."""
+    """Yield the poses of `Street.along` for all streets, on both sides."""
     for street in STREETS:
         for side in (-offset, offset):
             yield from street.along(side, spacing)

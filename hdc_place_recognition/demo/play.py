@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a bag through real topics and listens to what the node makes of it."""
+"""Plays a bag through real topics and collects the answers of the node."""
 
 from __future__ import annotations
 
@@ -23,40 +23,39 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 _TYPES = {CAMERA_INFO_TOPIC: CameraInfo, IMAGE_TOPIC: Image, ODOMETRY_TOPIC: Odometry}
 _DISCOVERY_S = 30.0
-# How long to wait for the answer to an image before the next one is shown.
-_PATIENCE_S = 5.0
-_LAST_WORDS_S = 0.5
+# Time to wait for the answer to an image before the next image is published.
+_ANSWER_S = 5.0
+_LAST_CLOSURES_S = 0.5
 
 
 class Player(Node):
     """
-    A camera, a source of odometry and a consumer of closures in one.
+    Publishes the messages of a bag and subscribes to the answers of the node.
 
-    Each image is shown when the one before has been answered: as fast as the node can.
-
-    It prints the closures as they come, and keeps them with the stamps of the images answered.
+    An image is published when the image before it is answered, hence as fast as the node can.
+    Closures are printed and collected, with the stamps of the answered images.
     """
 
     def __init__(self) -> None:
         super().__init__('hdc_demo')
         self.answered_ns: list[int] = []
         self.closures: list[Candidate] = []
-        self._outputs = {
+        self._topic_publishers = {
             topic: self.create_publisher(kind, topic, 10) for topic, kind in _TYPES.items()
         }
         self._answers = self.create_subscription(
             PointCloud2, f'/{NODE_NAME}/candidates', self._on_answer, 10
         )
-        self._closures = self.create_subscription(
+        self._loop_closures = self.create_subscription(
             PointCloud2, f'/{NODE_NAME}/loop_closures', self._on_closures, 10
         )
 
     def wait_for_node(self, alive: Callable[[], bool]) -> None:
         """
-        Wait until the node listens and is heard.
+        Wait until the topics are connected in both directions.
 
         :param alive: whether the node's process still runs.
-        :raises PlaceRecognitionError: it has ended, or does not appear.
+        :raises PlaceRecognitionError: the node has ended, or does not appear.
         """
         end = time.monotonic() + _DISCOVERY_S
         while not self._connected():
@@ -71,24 +70,24 @@ class Player(Node):
 
     def play(self, messages: Iterable[tuple[str, bytes, int]]) -> None:
         """
-        Publish messages in their order.
+        Publish messages in their order, and wait for the answers.
 
         :param messages: topic, serialized message, header stamp.
         """
         for topic, raw, sent_ns in messages:
-            self._outputs[topic].publish(raw)
+            self._topic_publishers[topic].publish(raw)
             if topic == IMAGE_TOPIC:
-                self._listen(_PATIENCE_S, until_ns=sent_ns)
+                self._spin(_ANSWER_S, until_ns=sent_ns)
         # The closures of the last image come after its answer.
-        self._listen(_LAST_WORDS_S)
+        self._spin(_LAST_CLOSURES_S)
 
     def _connected(self) -> bool:
-        outputs = all(output.get_subscription_count() for output in self._outputs.values())
-        inputs = (self._answers, self._closures)
-        return outputs and all(self.count_publishers(each.topic_name) for each in inputs)
+        connected = all(item.get_subscription_count() for item in self._topic_publishers.values())
+        inputs = (self._answers, self._loop_closures)
+        return connected and all(self.count_publishers(topic.topic_name) for topic in inputs)
 
-    def _listen(self, seconds: float, until_ns: int | None = None) -> None:
-        """Listen for a time, but no longer than until the image of a stamp is answered."""
+    def _spin(self, seconds: float, until_ns: int | None = None) -> None:
+        """Spin for some seconds, or until the image with this stamp is answered."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and (until_ns is None or self.answered_ns[-1:] != [until_ns]):
             rclpy.spin_once(self, timeout_sec=0.1)
@@ -110,7 +109,7 @@ class Player(Node):
 
 
 def raw_messages(bag: Path) -> Iterator[tuple[str, bytes, int]]:
-    """Yield topic, serialized message and header stamp of what the node hears."""
+    """Yield topic, serialized message and header stamp of each message for the node."""
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         chosen = [connection for connection in reader.connections if connection.topic in _TYPES]
         for connection, _, raw in reader.messages(chosen):

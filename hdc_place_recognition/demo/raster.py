@@ -1,10 +1,10 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A small renderer of textured panels: homographies, a depth buffer and minified textures.
+A renderer of textured panels with homographies, a depth buffer and minified textures.
 
-A panel's homography takes its (s, t, 1) to pixels (x w, y w, w), where w is the depth in metres;
-the last row of its inverse therefore is 1 / depth as a linear function of the pixel.
+The homography of a panel maps (s, t, 1) to pixels (x w, y w, w), where w is the depth in meters.
+The last row of its inverse is therefore 1 / depth as a linear function of the pixel.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ NEAR_M = 0.15
 COARSEST_LEVEL = 5
 SUBPIXEL_BITS = 4
 
-# Homogeneous (s, t, 1) of a panel's corners, in order round it, as columns.
+# Homogeneous (s, t, 1) of the corners of a panel, in order around it, as columns.
 CORNERS = np.array([[0, 1, 1, 0], [0, 0, 1, 1], [1, 1, 1, 1]], np.float64)
 
 
 def draw(
     background: NDArray[np.uint8], panels: Sequence[Panel], camera: Camera, pose: Pose
 ) -> NDArray[np.uint8]:
-    """Return the (h, w, 3) BGR background with the panels before it, as the camera sees them."""
+    """Return the (h, w, 3) BGR image of the panels in front of the background."""
     canvas = _Canvas(background.copy(), np.zeros(background.shape[:2], np.float32))
     homographies = camera.project(np.stack([panel.matrix for panel in panels]), pose)
     for index in _visible_nearest_first(homographies, camera):
@@ -39,7 +39,7 @@ def draw(
 
 
 def _visible_nearest_first(homographies: NDArray[np.float64], camera: Camera) -> list[int]:
-    """Return the indices of the panels that face the camera and are not outside of its view."""
+    """Return the indices of the panels that face the camera and may be in view, nearest first."""
     x, y, w = np.moveaxis(homographies @ CORNERS, 1, 0)
     outside = (w < NEAR_M).all(1) | (x < 0).all(1) | (y < 0).all(1)
     outside |= (x > w * camera.width).all(1) | (y > w * camera.height).all(1)
@@ -54,7 +54,7 @@ class _Canvas:
     nearness: NDArray[np.float32]  # 1 / depth, 0 = infinitely far
 
     def paint(self, homography: NDArray[np.float64], texture: Texture) -> None:
-        """Paint one panel where it is nearer than what is there."""
+        """Paint a panel where it is nearer than the panels painted before."""
         polygon = _before_camera(homography)
         if len(polygon) < 3:
             return
@@ -67,16 +67,14 @@ class _Canvas:
         mask = _filled(polygon - (x, y), width, height) & (nearness > self.nearness[region])
         if not mask.any():
             return
-        colours = _warped(texture, inverse, width, height)
-        if colours.shape[2] == 4:
-            mask &= colours[:, :, 3] > 127
+        colors = _warped(texture, inverse, width, height)
+        if colors.shape[2] == 4:
+            mask &= colors[:, :, 3] > 127
         np.copyto(self.nearness[region], nearness, where=mask)
-        cv2.copyTo(
-            np.ascontiguousarray(colours[:, :, :3]), mask.view(np.uint8), self.image[region]
-        )
+        cv2.copyTo(np.ascontiguousarray(colors[:, :, :3]), mask.view(np.uint8), self.image[region])
 
     def _bounds(self, polygon: NDArray[np.float64]) -> tuple[int, int, int, int]:
-        """Return left, top, width and height of the polygon's box within the image."""
+        """Return left, top, width and height of the bounding box within the image."""
         height, width = self.nearness.shape
         left, top = np.clip(np.floor(polygon.min(0)), 0, (width, height)).astype(int).tolist()
         right, bottom = np.clip(np.ceil(polygon.max(0)) + 1, 0, (width, height)).astype(int)
@@ -84,7 +82,7 @@ class _Canvas:
 
 
 def _before_camera(homography: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (n, 2) pixels of the panel's corners, after clipping at the near plane."""
+    """Return the (n, 2) pixel corners of the panel, clipped at the near plane."""
     corners = (homography @ CORNERS).T
     clipped = []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -113,9 +111,9 @@ def _plane(row: NDArray[np.float64], width: int, height: int) -> NDArray[np.floa
 def _warped(
     texture: Texture, inverse: NDArray[np.float64], width: int, height: int
 ) -> NDArray[np.uint8]:
-    """Return the texture as seen in a region, minified as much as at the region's centre."""
-    centre = np.array([(width - 1) / 2, (height - 1) / 2, 1])
-    s, t, w = inverse @ centre
+    """Return the texture as seen in a region, minified as the center of the region needs."""
+    center = np.array([(width - 1) / 2, (height - 1) / 2, 1])
+    s, t, w = inverse @ center
     rates = (inverse[:2, :2] * w - np.outer((s, t), inverse[2, :2])) / w**2
     size = np.array(texture.pixels.shape[1::-1])
     texels = np.hypot(*rates.T) * size

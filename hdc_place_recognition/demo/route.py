@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The drive round the block, anticlockwise: where the vehicle is at which time, known exactly."""
+"""The drive around the block, counterclockwise: exact pose of the vehicle at each time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-# The middle of the road: half the extents of its rectangle, and how long it turns at a corner.
+# The middle of the road: half the extents of its rectangle, and the length of a curve.
 HALF_LENGTH_M = 28.0
 HALF_WIDTH_M = 17.0
 CORNER_M = 14.0
 START_M = 12.0  # past the south-west corner
 
-LANES_M = (-0.5, 0.5)  # to the left of the middle: the first lap's, the later laps'
-LANE_CHANGE_M = 10.0  # ends with the first lap
+LANES_M = (-0.5, 0.5)  # to the left of the middle: first lap, later laps
+LANE_CHANGE_M = 10.0  # ends at the end of the first lap
 STRAIGHT_SPEED = 5.4  # m/s
 CORNER_SPEED = 4.0
 
@@ -31,7 +31,7 @@ GRID_M = 0.02
 
 @dataclass(frozen=True)
 class Pose:
-    """Position in metres, and direction in radians anticlockwise from east."""
+    """Position in meters, and yaw in radians, counterclockwise from east."""
 
     x: float
     y: float
@@ -40,7 +40,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Moment:
-    """What is known of the vehicle at one time: m/s, rad/s, and `lap` counting from 0."""
+    """State of the vehicle at one time: speed in m/s, yaw rate in rad/s, lap counted from 0."""
 
     stamp_ns: int
     pose: Pose
@@ -50,7 +50,7 @@ class Moment:
 
 
 class Route:
-    """The drive of so many laps, also a fraction of one, slower at corners."""
+    """A drive of some laps, or a fraction of a lap, slower at corners."""
 
     def __init__(self, laps: float) -> None:
         road = _Road()
@@ -63,11 +63,11 @@ class Route:
         self._states = np.column_stack([points, yaw, speed, yaw_rate, driven / road.length])
 
     def images(self) -> Iterator[Moment]:
-        """Return an iterator over the moments at which an image is taken, in order."""
+        """Iterate over the moments at which an image is taken, in order."""
         return self._every(IMAGE_PERIOD_NS, IMAGE_DELAY_NS)
 
     def odometry(self) -> Iterator[Moment]:
-        """Return an iterator over the moments at which odometry is sent, in order."""
+        """Iterate over the moments at which odometry is sent, in order."""
         return self._every(ODOMETRY_PERIOD_NS, 0)
 
     def _every(self, period_ns: int, delay_ns: int) -> Iterator[Moment]:
@@ -83,7 +83,7 @@ class Route:
 
 
 class _Road:
-    """The middle of the road, a rectangle whose corners are turned smoothly."""
+    """The middle of the road, a rectangle with smooth corners."""
 
     def __init__(self) -> None:
         steps = np.arange(GRID_M / 2, CORNER_M, GRID_M) / CORNER_M
@@ -95,20 +95,20 @@ class _Road:
 
     @cached_property
     def _points(self) -> NDArray[np.float64]:
-        """Return the (n, 2) points of one lap, GRID_M apart, the last one being the first."""
+        """Return the (n, 2) points of one lap, GRID_M apart; the last equals the first."""
         count = round(self.length / GRID_M)
         middles = self.direction((np.arange(count) + 0.5) / count * self.length)
         steps = np.column_stack([np.cos(middles), np.sin(middles)]) * self.length / count
         return self._origin + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
 
     def direction(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the direction in radians at distances along the road, growing by laps."""
+        """Return the yaw in radians at distances along the road, not wrapped."""
         laps, within = np.divmod(distances, self.length)
         turns = _smooth((within[:, None] - self._corners) / CORNER_M).sum(1) + 4 * laps
         return np.asarray(np.pi / 2 * turns)
 
     def turning(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return 1 in the middle of a corner, falling to 0 within CORNER_M of it."""
+        """Return 1 in the middle of a corner, and 0 from CORNER_M away on."""
         middles = self._corners + CORNER_M / 2
         half = self.length / 2
         away = np.abs(np.mod(distances[:, None] - middles + half, self.length) - half).min(1)
@@ -117,7 +117,7 @@ class _Road:
     def lane(
         self, distances: NDArray[np.float64], offsets: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the (n, 2) points so far to the left of the middle and the way they lead."""
+        """Return the (n, 2) points `offsets` meters to the left of the middle, and their yaw."""
         grid = np.linspace(0, self.length, len(self._points))
         within = np.mod(distances, self.length)
         middle = np.column_stack([np.interp(within, grid, column) for column in self._points.T])

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The block as it is built, and as it looks in one lap: in its light, with who is there then."""
+"""The block, and its appearance in one lap: with its light, cars and passers-by."""
 
 from __future__ import annotations
 
@@ -9,38 +9,42 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from hdc_place_recognition.demo.camera import Camera
-from hdc_place_recognition.demo.canvas import Canvas, outline, Point, shuffled
+from hdc_place_recognition.demo.canvas import Canvas, outline, Point, shaded, shuffled
 from hdc_place_recognition.demo.cars import car, LENGTH_M
-from hdc_place_recognition.demo.facades import front
 from hdc_place_recognition.demo.fixtures import banners, bare_walls, railing
 from hdc_place_recognition.demo.ground import ground, lit_ground
+from hdc_place_recognition.demo.house import FLOOR_M, GROUND_FLOOR_M, House
 from hdc_place_recognition.demo.light import Light, tinted
 from hdc_place_recognition.demo.panels import Panel, Sprite, Texture, upright
 from hdc_place_recognition.demo.plan import (
     along_streets,
     BAY_M,
-    KERB_M,
+    CURB_M,
     Lot,
     PARKING_M,
-    PAVEMENT_M,
     rows,
+    SIDEWALK_M,
     STREETS,
 )
 from hdc_place_recognition.demo.route import Pose
 from hdc_place_recognition.demo.shadows import Walls
+from hdc_place_recognition.demo.shops import GROUND_FLOORS
 from hdc_place_recognition.demo.sprites import FURNITURE, person
+from hdc_place_recognition.demo.walls import ROOFS, WALLS
+from hdc_place_recognition.demo.windows import WINDOWS
 import numpy as np
 from numpy.typing import NDArray
 
 STRIP_M = 4.0
-# Kinds of furniture of each street: none looks like another.
+FRONT_PIXELS_PER_METER = 32.0
+# Furniture of each street; no two streets have the same.
 KINDS = (
     ('round tree', 'lamp', 'letter box'),
     ('poplar', 'bush', 'road sign'),
     ('lamp', 'advertising column', 'bush'),
     ('round tree', 'road sign', 'poplar'),
 )
-# Things with a place of their own: in the park, on the square and far behind the houses.
+# Objects at fixed positions: in the park, on the square and far behind the houses.
 PLACED = {
     'round tree': outline(
         '11,-6 16,-5 14,0 10,3 16.5,4 12,6.5 -45,-8 -45,1 -45,10 -45,19 -53,-4 -53,14'
@@ -52,8 +56,8 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Standing:
-    """A picture, not yet lit, that stands somewhere in the street."""
+class StandingObject:
+    """An unlit picture of an object in the street, with its position."""
 
     place: Point
     picture: Canvas
@@ -61,12 +65,12 @@ class Standing:
 
 @dataclass(frozen=True)
 class Block:
-    """What stays from lap to lap, unlit."""
+    """Everything that stays from lap to lap, unlit."""
 
     fronts: tuple[tuple[Lot, Canvas], ...]
     fixtures: tuple[Panel, ...]
     walls: Walls
-    furniture: tuple[Standing, ...]
+    furniture: tuple[StandingObject, ...]
     ground: NDArray[np.uint8]
 
     @classmethod
@@ -80,7 +84,7 @@ class Block:
             np.array([lot.house.height for lot in lots]),
         )
         return cls(
-            tuple((lot, front(lot.house, rng)) for lot in lots),
+            tuple((lot, _front(lot.house, rng)) for lot in lots),
             (*(wall for row in houses for wall in bare_walls(row)), *banners(), *railing()),
             walls,
             tuple(_furniture(rng)),
@@ -90,7 +94,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Scene:
-    """What there is to be seen in one lap."""
+    """Everything that is visible in one lap."""
 
     panels: tuple[Panel, ...]
     sprites: tuple[Sprite, ...]
@@ -98,7 +102,7 @@ class Scene:
 
     @classmethod
     def of(cls, block: Block, light: Light, camera: Camera, rng: np.random.Generator) -> Scene:
-        """Return the block in this light, with random passers-by, parked cars and clouds."""
+        """Return the block in a light, with random passers-by, parked cars and clouds."""
         parked = list(_parked(rng))
         standing = [*block.furniture, *_passers_by(rng)]
         spots = np.array([thing.place for thing in standing] + list(_below(parked)))
@@ -116,23 +120,46 @@ class Scene:
         return cls(tuple(panels), sprites, light.sky(camera, rng))
 
 
-def _furniture(rng: np.random.Generator) -> Iterator[Standing]:
-    """Return trees and the like: along the kerbs, and those of PLACED."""
+def _front(house: House, rng: np.random.Generator) -> Canvas:
+    """Return the painted front of a house, transparent beside its roof."""
+    canvas = Canvas(house.width, house.height, FRONT_PIXELS_PER_METER, house.color)
+    WALLS[house.wall](canvas, house, rng)
+    canvas.grain(3.5, rng)
+    _rows_of_windows(canvas, house, rng)
+    if rng.random() < 0.5:
+        canvas.box(0.05, 0, 0.2, house.eaves, shaded(house.color, 0.6))
+    ROOFS[house.roof](canvas, house, rng)
+    canvas.box(0, 0, house.width, 0.4, shaded(house.color, 0.55))
+    GROUND_FLOORS[house.ground_floor](canvas, house, rng)
+    return canvas
+
+
+def _rows_of_windows(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
+    bays = max(round(house.width / float(rng.uniform(2.0, 2.9))), 1)
+    for floor in range(house.floors):
+        y = GROUND_FLOOR_M + FLOOR_M * floor + 0.75
+        for bay in range(bays):
+            x = (bay + 0.5) * house.width / bays
+            WINDOWS[house.windows](canvas, house.trim, x, y, rng)
+
+
+def _furniture(rng: np.random.Generator) -> Iterator[StandingObject]:
+    """Yield trees, lamps and so on: along the curbs, and at the positions of PLACED."""
     for street, kinds in zip(STREETS, KINDS, strict=True):
         deck = shuffled(kinds, rng)
-        for side in (-KERB_M, KERB_M):
-            for kerb in street.along(side, 5.0):
+        for side in (-CURB_M, CURB_M):
+            for curb in street.along(side, 5.0):
                 if rng.random() < 0.8:
-                    yield Standing(_beside(kerb, 0.8, rng), FURNITURE[next(deck)](rng))
+                    yield StandingObject(_beside(curb, 0.8, rng), FURNITURE[next(deck)](rng))
     for kind, places in PLACED.items():
         for place in places:
-            yield Standing(place, FURNITURE[kind](rng))
+            yield StandingObject(place, FURNITURE[kind](rng))
 
 
-def _passers_by(rng: np.random.Generator) -> Iterator[Standing]:
-    for pavement in along_streets(PAVEMENT_M, 2.5):
+def _passers_by(rng: np.random.Generator) -> Iterator[StandingObject]:
+    for sidewalk in along_streets(SIDEWALK_M, 2.5):
         if rng.random() < 0.3:
-            yield Standing(_beside(pavement, 0.5, rng), person(rng))
+            yield StandingObject(_beside(sidewalk, 0.5, rng), person(rng))
 
 
 def _parked(rng: np.random.Generator) -> Iterator[Pose]:
@@ -142,14 +169,14 @@ def _parked(rng: np.random.Generator) -> Iterator[Pose]:
 
 
 def _below(parked: list[Pose]) -> Iterator[Point]:
-    """Return places along the cars, which darken the ground there."""
+    """Yield points along the cars; the ground is darker there."""
     for pose in parked:
         for along in np.linspace(-LENGTH_M / 3, LENGTH_M / 3, 4).tolist():
             yield pose.x + along * np.cos(pose.yaw), pose.y + along * np.sin(pose.yaw)
 
 
 def _beside(pose: Pose, spread: float, rng: np.random.Generator) -> Point:
-    """Return a place up to so many metres before or behind the pose."""
+    """Return a random point up to `spread` meters in front of or behind the pose."""
     along = float(rng.uniform(-spread, spread))
     return pose.x + along * float(np.cos(pose.yaw)), pose.y + along * float(np.sin(pose.yaw))
 
@@ -158,14 +185,14 @@ def _lit(panel: Panel, light: Light) -> Panel:
     return Panel(panel.matrix, Texture(tinted(panel.texture.pixels, light.on(panel.normal))))
 
 
-def _lit_sprite(thing: Standing, light: Light) -> Sprite:
+def _lit_sprite(thing: StandingObject, light: Light) -> Sprite:
     picture = thing.picture
     texture = Texture(tinted(picture.pixels, light.on(UP)))
     return Sprite(thing.place, picture.width, picture.height, texture)
 
 
 def _lit_front(lot: Lot, picture: Canvas, walls: Walls, light: Light) -> Iterator[Panel]:
-    """Return the front in upright strips, each with the shadow of the houses opposite."""
+    """Yield the front in vertical strips, with the shadows of the houses opposite."""
     count = max(round(lot.house.width / STRIP_M), 1)
     for left, right in pairwise(np.linspace(0, 1, count + 1)):
         columns = slice(*np.rint(np.array([left, right]) * picture.pixels.shape[1]).astype(int))
@@ -177,7 +204,7 @@ def _lit_front(lot: Lot, picture: Canvas, walls: Walls, light: Light) -> Iterato
 
 
 def _lit_above(strip: Panel, rows: int, light: Light) -> Panel:
-    """Return the strip with its lowest rows in the shade and the rest in the sun."""
+    """Return the strip with its lowest rows in the shade and the others in the sun."""
     pixels = strip.texture.pixels
     edge = max(len(pixels) - rows, 0)
     sunny = tinted(pixels[:edge], light.on(strip.normal))

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the houses keep the sun away: from the ground and from each other's fronts."""
+"""Shadows of the houses on the ground and on the fronts opposite."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Walls:
-    """Upright walls: (n, 2) points where they start and end, (n,) heights; metres."""
+    """Vertical walls: (n, 2) start and end points, (n,) heights; meters."""
 
     starts: NDArray[np.float64]
     ends: NDArray[np.float64]
     heights: NDArray[np.float64]
 
     def shadows(self, light: Light) -> NDArray[np.float64]:
-        """Return the walls' shadows on the ground as parallelograms, (n, 4, 2)."""
+        """Return the shadows of the walls on the ground as parallelograms, (n, 4, 2)."""
         reach = np.outer(self.heights, light.shadow)
         corners = [self.starts, self.ends, self.ends + reach, self.starts + reach]
         return np.stack(corners, axis=1)
 
     def shadow_height(self, foot: NDArray[np.float64], light: Light) -> float:
-        """Return how far up from a (2,) point of the ground there is no sun, in metres."""
+        """Return the height of the shadow above a (2,) point of the ground, in meters."""
         step = -light.shadow
         edges, offsets = self.ends - self.starts, self.starts - foot
         parallel = _cross(step, edges)
@@ -44,7 +44,7 @@ def shadow_map(
     radius: int,
     like: NDArray[np.uint8],
 ) -> NDArray[np.float32]:
-    """Return 1 in shadow and 0 in the sun with soft borders, as large as the image `like`."""
+    """Return a map of the size of `like`: 1 in the shadow, 0 in the sun, with soft borders."""
     mask = np.zeros(like.shape[:2], np.uint8)
     for parallelogram in parallelograms:
         cv2.fillConvexPoly(mask, parallelogram, (255,))

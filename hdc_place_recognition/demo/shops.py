@@ -7,11 +7,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 
-from hdc_place_recognition.demo.canvas import Canvas, Colour, DARK, GLASS, palette, shaded
+from hdc_place_recognition.demo.canvas import Canvas, Color, DARK, GLASS, palette, shaded
 from hdc_place_recognition.demo.house import GROUND_FLOOR_M, House
 import numpy as np
 
-CREAM: Colour = (205, 225, 235)
+CREAM: Color = (205, 225, 235)
 GOODS = palette('c8463c e6b446 50aa5a 3c78be d7c8c8 96468c')
 
 
@@ -33,9 +33,9 @@ def _cafe(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
     stripes = round((house.width - 0.6) / 0.45)
     edges = np.linspace(0.3, house.width - 0.3, stripes + 1).tolist()
     for index, (left, right) in enumerate(pairwise(edges)):
-        colour = house.accent if index % 2 else CREAM
-        canvas.box(left, 2.35, right, 3.1, colour)
-        canvas.disc((left + right) / 2, 2.35, (right - left) / 2, colour)
+        color = house.accent if index % 2 else CREAM
+        canvas.box(left, 2.35, right, 3.1, color)
+        canvas.disc((left + right) / 2, 2.35, (right - left) / 2, color)
     canvas.text(house.name, 0.5, 3.2, house.width - 0.5, 3.65, DARK)
 
 
@@ -54,7 +54,7 @@ def _entrance(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
 
 
 def _garage(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
-    """Paint roller shutters, one of them sprayed on."""
+    """Paint roller shutters, with graffiti."""
     count = max(round(house.width / 4), 1)
     for index in range(count):
         left = (index + 0.5) * house.width / count - 1.5
@@ -62,9 +62,9 @@ def _garage(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
         for slat in np.arange(0.05, 2.8, 0.28).tolist():
             canvas.box(left, slat, left + 3, slat + 0.22, house.accent)
     x = float(rng.uniform(1.5, house.width - 1.5))
-    for colour in (GOODS[int(rng.integers(len(GOODS)))], CREAM):
+    for color in (GOODS[int(rng.integers(len(GOODS)))], CREAM):
         walk = np.cumsum(rng.normal(0, 0.4, (9, 2)), axis=0).clip(-1.3, 1.3) + np.array([x, 1.5])
-        canvas.line(walk, 0.14, colour)
+        canvas.line(walk, 0.14, color)
     canvas.text(house.name, 0.5, 3.2, house.width - 0.5, 3.6, DARK)
 
 
@@ -95,26 +95,26 @@ def _market(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
 def _viaduct(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
     """Paint one high arch of a railway viaduct, walled up far behind."""
     x, radius = house.width / 2, house.width / 2 - 0.9
-    for grow, colour in ((0.35, house.trim), (0.0, (58, 56, 60))):
-        canvas.box(x - radius - grow, 0, x + radius + grow, 3.0, colour)
-        canvas.disc(x, 3.0, radius + grow, colour, stretch=0.9)
+    for grow, color in ((0.35, house.trim), (0.0, (58, 56, 60))):
+        canvas.box(x - radius - grow, 0, x + radius + grow, 3.0, color)
+        canvas.disc(x, 3.0, radius + grow, color, stretch=0.9)
 
 
 def _show_window(canvas: Canvas, left: float, right: float, rng: np.random.Generator) -> None:
     canvas.box(left, 0.6, right, 2.7, (70, 62, 56))
     canvas.polygon([(left, 1.8), (left + 0.9, 2.7), (left, 2.7)], (150, 140, 125))
     for x in np.arange(left + 0.2, right - 0.6, 0.7).tolist():
-        colour = GOODS[int(rng.integers(len(GOODS)))]
-        canvas.box(x, 0.65, x + 0.5, 0.65 + float(rng.uniform(0.3, 1.4)), colour)
+        color = GOODS[int(rng.integers(len(GOODS)))]
+        canvas.box(x, 0.65, x + 0.5, 0.65 + float(rng.uniform(0.3, 1.4)), color)
     canvas.box(left, 0.6, right, 2.7, CREAM, border=0.08)
 
 
 def _door(
-    canvas: Canvas, left: float, width: float, colour: Colour, rng: np.random.Generator
+    canvas: Canvas, left: float, width: float, color: Color, rng: np.random.Generator
 ) -> None:
-    canvas.box(left, 0.1, left + width, 2.6, colour)
+    canvas.box(left, 0.1, left + width, 2.6, color)
     canvas.box(left + 0.15, 1.2, left + width - 0.15, 2.4, GLASS)
-    canvas.box(left, 0.1, left + width, 2.6, shaded(colour, 0.5), border=0.08)
+    canvas.box(left, 0.1, left + width, 2.6, shaded(color, 0.5), border=0.08)
 
 
 def _name_board(canvas: Canvas, house: House) -> None:

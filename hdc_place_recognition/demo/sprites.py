@@ -1,22 +1,22 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands upright in the street and looks the same from all sides: trees, lamps, people."""
+"""Pictures of objects that look the same from all sides: trees, lamps, people."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from hdc_place_recognition.demo.canvas import Canvas, Colour, DARK, palette, shaded
+from hdc_place_recognition.demo.canvas import Canvas, Color, DARK, palette, shaded
 import numpy as np
 
-PIXELS_PER_METRE = 40.0
+PIXELS_PER_METER = 40.0
 CLOTHES = palette('2d323c 32468c a03232 467846 c3bebe c8a03c 784678 3c6e6e')
 LEAVES = palette('426e34 6e823c 305c30 b46e28')
 
 
 def _tree(width: float, height: float, crown: float, rng: np.random.Generator) -> Canvas:
-    """Paint a tree whose crown of leaves begins at `crown` metres."""
-    canvas = Canvas(width, height, PIXELS_PER_METRE)
+    """Paint a tree whose crown of leaves begins at `crown` meters."""
+    canvas = Canvas(width, height, PIXELS_PER_METER)
     middle, radius, rise = width / 2, width / 2 - 0.4, (height - crown) / 2 - 0.3
     canvas.polygon(
         [
@@ -46,7 +46,7 @@ def _poplar(rng: np.random.Generator) -> Canvas:
 
 
 def _lamp(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(1.2, 5.0, PIXELS_PER_METRE)
+    canvas = Canvas(1.2, 5.0, PIXELS_PER_METER)
     canvas.box(0.53, 0, 0.67, 4.4, DARK)
     canvas.box(0.45, 0, 0.75, 0.7, DARK)
     canvas.polygon([(0.3, 4.3), (0.9, 4.3), (1.05, 4.75), (0.15, 4.75)], (200, 225, 235))
@@ -55,10 +55,10 @@ def _lamp(rng: np.random.Generator) -> Canvas:
 
 
 def _advertising_column(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(1.5, 3.3, PIXELS_PER_METRE)
+    canvas = Canvas(1.5, 3.3, PIXELS_PER_METER)
     canvas.box(0.1, 0, 1.4, 2.9, (70, 90, 60))
     for bottom in (0.5, 1.3, 2.1):
-        poster: Colour = tuple(rng.integers(60, 240, 3).tolist())
+        poster: Color = tuple(rng.integers(60, 240, 3).tolist())
         canvas.box(0.1, bottom, 1.4, bottom + 0.75, poster)
         canvas.disc(float(rng.uniform(0.4, 1.1)), bottom + 0.4, 0.25, shaded(poster, 0.5))
     canvas.box(0, 2.85, 1.5, 3.0, DARK)
@@ -67,16 +67,16 @@ def _advertising_column(rng: np.random.Generator) -> Canvas:
 
 
 def _letter_box(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(0.7, 1.5, PIXELS_PER_METRE)
-    colour: Colour = ((40, 200, 240), (50, 50, 200))[int(rng.integers(2))]
+    canvas = Canvas(0.7, 1.5, PIXELS_PER_METER)
+    color: Color = ((40, 200, 240), (50, 50, 200))[int(rng.integers(2))]
     canvas.box(0.25, 0, 0.45, 0.6, DARK)
-    canvas.box(0.05, 0.5, 0.65, 1.4, colour)
+    canvas.box(0.05, 0.5, 0.65, 1.4, color)
     canvas.box(0.15, 1.15, 0.55, 1.22, DARK)
     return canvas
 
 
 def _road_sign(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(0.8, 2.9, PIXELS_PER_METRE)
+    canvas = Canvas(0.8, 2.9, PIXELS_PER_METER)
     canvas.box(0.36, 0, 0.44, 2.5, (130, 130, 130))
     if rng.random() < 0.5:
         canvas.disc(0.4, 2.45, 0.38, (40, 40, 200))
@@ -88,13 +88,13 @@ def _road_sign(rng: np.random.Generator) -> Canvas:
 
 
 def _bush(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(1.8, 1.5, PIXELS_PER_METRE)
+    canvas = Canvas(1.8, 1.5, PIXELS_PER_METER)
     canvas.box(0.3, 0, 1.5, 0.55, (70, 90, 150))
     for _ in range(50):
         x, y = float(rng.uniform(0.35, 1.45)), float(rng.uniform(0.6, 1.15))
         flower = rng.random() < 0.25
-        colour = (120, 90, 220) if flower else shaded(LEAVES[0], float(rng.uniform(0.7, 1.4)))
-        canvas.disc(x, y, 0.1 if flower else 0.22, colour)
+        color = (120, 90, 220) if flower else shaded(LEAVES[0], float(rng.uniform(0.7, 1.4)))
+        canvas.disc(x, y, 0.1 if flower else 0.22, color)
     return canvas
 
 
@@ -122,7 +122,7 @@ def _chimney(rng: np.random.Generator) -> Canvas:
 
 def person(rng: np.random.Generator) -> Canvas:
     """Return a painted passer-by."""
-    canvas = Canvas(0.9, 1.85, PIXELS_PER_METRE)
+    canvas = Canvas(0.9, 1.85, PIXELS_PER_METER)
     top, legs = (CLOTHES[int(rng.integers(len(CLOTHES)))] for _ in range(2))
     stride = float(rng.uniform(0.05, 0.25))
     for foot in (-stride, stride):

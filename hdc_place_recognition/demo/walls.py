@@ -26,7 +26,7 @@ def _bricks(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
     for row in range(rows):
         for column in range(columns + 1):
             x, y = (column - 0.5 * (row % 2)) * 0.5, row * 0.25
-            tint = shaded(house.colour, float(rng.uniform(0.78, 1.15)))
+            tint = shaded(house.color, float(rng.uniform(0.78, 1.15)))
             canvas.box(x + 0.04, y + 0.04, x + 0.5, y + 0.25, tint)
 
 
@@ -35,7 +35,7 @@ def _stones(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
         x, y = float(-rng.uniform(0, 1)), row * 0.6
         while x < house.width:
             length = float(rng.uniform(0.8, 1.5))
-            tint = shaded(house.colour, float(rng.uniform(0.85, 1.1)))
+            tint = shaded(house.color, float(rng.uniform(0.85, 1.1)))
             canvas.box(x + 0.05, y + 0.05, x + length, y + 0.6, tint)
             x += length
 
@@ -53,12 +53,12 @@ def _timber(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
 
 def _cladding(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
     for x in np.arange(0, house.width, 0.8):
-        tint = shaded(house.colour, float(rng.choice([0.75, 1.0, 1.2])))
+        tint = shaded(house.color, float(rng.choice([0.75, 1.0, 1.2])))
         canvas.box(float(x), GROUND_FLOOR_M, float(x) + 0.76, house.eaves, tint)
 
 
 def _parapet(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
-    canvas.box(0, house.eaves, house.width, house.height, shaded(house.colour, 0.9))
+    canvas.box(0, house.eaves, house.width, house.height, shaded(house.color, 0.9))
     canvas.box(0, house.height - 0.3, house.width, house.height, house.trim)
     canvas.box(0, house.eaves - 0.1, house.width, house.eaves + 0.35, house.trim)
 
@@ -88,7 +88,7 @@ def _crenels(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
 def _gable(canvas: Canvas, house: House, rng: np.random.Generator) -> None:
     canvas.pixels[: round(ROOF_M * canvas.scale)] = 0
     middle, top = house.width / 2, house.height - 0.2
-    canvas.polygon([(0, house.eaves), (house.width, house.eaves), (middle, top)], house.colour)
+    canvas.polygon([(0, house.eaves), (house.width, house.eaves), (middle, top)], house.color)
     canvas.line([(0, house.eaves), (middle, top), (house.width, house.eaves)], 0.35, house.trim)
     canvas.disc(middle, house.eaves + 0.7, 0.5, house.trim)
     canvas.disc(middle, house.eaves + 0.7, 0.35, GLASS)

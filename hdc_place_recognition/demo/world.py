@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo world: a block of streets, rendered from any pose as it looks in either lap."""
+"""The demo world: a block of streets, rendered from any pose in the first or a later lap."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 CAMERA = Camera(width=320, height=240, field_of_view_deg=80.0, height_m=1.5, horizon=0.62)
 SUPERSAMPLING = 2
-MEAN_BRIGHTNESS = 105.0  # what the exposure aims at
-EXPOSURE_EFFORT = 0.7  # 1 would always reach it
+MEAN_BRIGHTNESS = 105.0  # target of the exposure
+EXPOSURE_EFFORT = 0.7  # share of the correction that is applied
 
 MIDDAY = Light(
     azimuth=-60,
@@ -40,9 +40,9 @@ EVENING = Light(
 
 class StreetWorld:
     """
-    A block of streets: the same seed gives the same pixels.
+    A block of streets; the same seed gives the same pixels.
 
-    In lap 0 it is midday, in all later ones evening, with other passers-by and parked cars.
+    Lap 0 is at midday; later laps are in the evening, with different passers-by and parked cars.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -52,7 +52,7 @@ class StreetWorld:
         self._scenes: dict[int, Scene] = {}
 
     def render(self, pose: Pose, lap: int) -> NDArray[np.uint8]:
-        """Return what the camera sees from the pose, (240, 320, 3) BGR."""
+        """Return the image of the camera at a pose, (240, 320, 3) BGR."""
         scene = self._scene(lap)
         background = sky_before(self._camera, scene.sky, pose.yaw)
         panels = [*scene.panels, *(sprite.facing(pose.yaw) for sprite in scene.sprites)]
@@ -70,6 +70,6 @@ class StreetWorld:
 
 
 def _exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the image as a camera with automatic exposure gives it."""
+    """Return the image after automatic exposure."""
     gain = (MEAN_BRIGHTNESS / max(float(image.mean()), 1.0)) ** EXPOSURE_EFFORT
     return np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)

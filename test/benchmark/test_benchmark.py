@@ -1,18 +1,18 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark measures what it says; how fast this machine is, no test asks."""
+"""The parts of the benchmark on small inputs; the speed of the machine is not tested."""
 
 import json
 
 from conftest import ROOT
 from hdc_place_recognition.benchmark import memory, node, search
 from hdc_place_recognition.benchmark.command import main
-from hdc_place_recognition.benchmark.filling import fill_alone, Filling
+from hdc_place_recognition.benchmark.filling import fill_alone, FillTask
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.report import curves, table
 from hdc_place_recognition.benchmark.settings import Settings
 from hdc_place_recognition.benchmark.timing import each_milliseconds, Measurement
-from hdc_place_recognition.benchmark.vectors import Crowd, World
+from hdc_place_recognition.benchmark.vectors import LargeWorld, World
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import create_recognizer
@@ -27,7 +27,7 @@ def test_small_run_prints_and_writes(tmp_path, capsys, monkeypatch):
     assert main(['--only', 'search', '--sizes', '60', '--output', str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     written = json.loads((tmp_path / 'benchmark.json').read_text())['measurements']
-    assert {each['name'] for each in written} >= {
+    assert {item['name'] for item in written} >= {
         'read bandwidth',
         'float32 products',
         'exact query, 1 form, 60 rows',
@@ -36,8 +36,8 @@ def test_small_run_prints_and_writes(tmp_path, capsys, monkeypatch):
         'two-stage query, 25 forms: recall@1, 60 rows',
         'two-stage query, half floats, 60 rows',
     }
-    assert all(each['value'] > 0 and each['name'] in printed for each in written)
-    recalls = [each['value'] for each in written if 'recall' in each['name']]
+    assert all(item['value'] > 0 and item['name'] in printed for item in written)
+    recalls = [item['value'] for item in written if 'recall' in item['name']]
     assert recalls[:2] == [1, 1] and len(recalls) == 4 and recalls[3] >= 0.9
 
 
@@ -51,31 +51,33 @@ def test_node_answers_and_accounts_for_every_image(monkeypatch):
     settings = Settings(
         Params(extractor='gradient_grid'), bandwidth=1.0, products=1.0, sizes=(), images=4
     )
-    found = {each.name.partition(': ')[2]: each.value for each in node.measure_node(settings)}
+    found = {item.name.partition(': ')[2]: item.value for item in node.measure_node(settings)}
     assert found['images sent'] == 10 and found['images unaccounted for'] == 0
     assert 0 < found['images answered'] <= 10
     assert 0 < found['latency, median'] <= found['latency, 99 %']
     assert found['parameter call, median'] > 0 and found['CPU of the process'] > 0
 
 
-def test_node_is_skipped_without_ros(monkeypatch):
-    monkeypatch.setattr(node, 'find_spec', lambda name: None)
+@pytest.mark.parametrize('package', ['rclpy', 'psutil'])
+def test_node_is_skipped_without_a_package(monkeypatch, caplog, package):
+    monkeypatch.setattr(node, 'find_spec', lambda name: None if name == package else name)
     assert list(node.measure_node(Settings(Params(), 1.0, 1.0, (), 1))) == []
+    assert caplog.messages == [f'{package} is not installed: the node is skipped']
 
 
 def test_large_images_profile_is_found():
     assert node._large_images_profile() == ROOT / 'config' / 'large_images.xml'
 
 
-def test_database_of_the_node_holds_the_drive_again():
+def test_database_of_the_node_contains_matches_of_the_images():
     pytest.importorskip('rclpy', reason='needs ROS')
-    from hdc_place_recognition.benchmark.node_process import Drive, fill
+    from hdc_place_recognition.benchmark.node_process import fill, LoadTask
 
-    drive = Drive(keyframes=60, images=3, width=160, height=120)
+    task = LoadTask(keyframes=60, images=3, width=160, height=120)
     recognizer = create_recognizer(Params(extractor='gradient_grid'))
-    fill(recognizer, drive)
+    fill(recognizer, task)
     assert len(recognizer.database) == 60
-    first = recognizer.process(Frame(10**18, street(drive.images, drive.width, drive.height)[0]))
+    first = recognizer.process(Frame(10**18, street(task.images, task.width, task.height)[0]))
     rows = [candidate.match_id for candidate in first.candidates if candidate.similarity > 0.5]
     assert sorted(rows) == [0, 30]
     assert all(candidate.inliers > 30 for candidate in first.candidates[:2])
@@ -89,7 +91,7 @@ def test_memory_is_measured_in_processes_of_their_own(tmp_path, capsys, monkeypa
     monkeypatch.setattr(memory, 'gettempdir', lambda: str(tmp_path))
     assert main(['--only', 'memory', 'million', '--output', str(tmp_path / 'out')]) == 0
     written = json.loads((tmp_path / 'out' / 'benchmark.json').read_text())['measurements']
-    found = {each['name']: each for each in written}
+    found = {item['name']: item for item in written}
     assert found['max_keyframes 60: kept of 300']['value'] == 60
     assert found['max_keyframes 60: forgotten']['value'] == 240
     assert 0.9 < found['max_database_mb 2: kept of 300']['ratio'] <= 1
@@ -98,7 +100,7 @@ def test_memory_is_measured_in_processes_of_their_own(tmp_path, capsys, monkeypa
     assert {file.name for file in tmp_path.iterdir()} == {'out'}
 
 
-def test_no_room_for_a_million_is_said(caplog, monkeypatch):
+def test_no_room_for_a_million_is_logged(caplog, monkeypatch):
     caplog.set_level('INFO')
     monkeypatch.setattr(memory, '_MILLION', 10**12)
     assert list(memory.measure_million(None)) == []
@@ -107,7 +109,7 @@ def test_no_room_for_a_million_is_said(caplog, monkeypatch):
 
 def test_failing_process_is_named():
     with pytest.raises(PlaceRecognitionError, match=r'database of 5 images: .*rows_folder /none'):
-        fill_alone(Filling(5, folder='/none'))
+        fill_alone(FillTask(5, folder='/none'))
 
 
 def test_bad_size_is_a_usage_error(capsys):
@@ -137,7 +139,7 @@ def test_table_and_curves():
     }
 
 
-@pytest.mark.parametrize('kind', [World, Crowd])
+@pytest.mark.parametrize('kind', [World, LargeWorld])
 def test_world_is_the_same_in_any_order_and_clustered(kind):
     world, again = kind(1000), kind(1000)
     late = again.row(7)

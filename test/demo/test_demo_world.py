@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The rendered drive: repeatable, closed, and a place that can be recognised."""
+"""The rendered drive is repeatable, returns to its places, and these can be recognized."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def place(moment: Moment) -> NDArray[np.float64]:
 
 
 def outlines(image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return what is left when light and colour are taken away: coarse edges, unit length."""
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    edges = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1))
+    """Return coarse edges at unit length, which do not depend on light and color."""
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    edges = np.hypot(cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1))
     coarse = cv2.resize(cv2.GaussianBlur(np.sqrt(edges), (0, 0), 6), (32, 24)).ravel()
-    centred = coarse.astype(np.float64) - coarse.mean()
-    return centred / np.linalg.norm(centred)
+    centered = coarse.astype(np.float64) - coarse.mean()
+    return centered / np.linalg.norm(centered)
 
 
 def test_same_seed_same_pixels(world):
@@ -57,38 +57,38 @@ def test_same_seed_same_pixels(world):
 
 def test_route_closes_and_comes_back_in_another_lane():
     moments = list(Route(LAPS).images())
-    first, second = ([each for each in moments if each.lap == lap] for lap in (0, 1))
+    first, second = ([moment for moment in moments if moment.lap == lap] for lap in (0, 1))
     assert 100 < len(first) < 160 and 200 < len(moments) < 300
     distances = [min(np.linalg.norm(place(a) - place(b)) for a in first) for b in second[10:]]
     assert 1.0 < np.median(distances) < 2.0 and max(distances) < 2.5
-    steps = np.diff([each.stamp_ns for each in moments])
+    steps = np.diff([moment.stamp_ns for moment in moments])
     assert set(steps) == {IMAGE_PERIOD_NS}
 
 
 def test_second_lap_is_changed_but_like_the_same_place(world):
     moments = list(Route(LAPS).images())
-    first = [each for each in moments if each.lap == 0][::12]
-    for later in [each for each in moments if each.lap == 1][15::35]:
+    first = [moment for moment in moments if moment.lap == 0][::12]
+    for later in [moment for moment in moments if moment.lap == 1][15::35]:
         seen = outlines(world.render(later.pose, 1))
-        near = min(moments[:130], key=lambda each: np.linalg.norm(place(each) - place(later)))
+        near = min(moments[:130], key=lambda moment: np.linalg.norm(place(moment) - place(later)))
         before = world.render(near.pose, 0)
         assert np.abs(world.render(near.pose, 1).astype(int) - before).mean() > 10
         elsewhere = [
-            seen @ outlines(world.render(each.pose, 0))
-            for each in first
-            if np.linalg.norm(place(each) - place(later)) > 15
+            seen @ outlines(world.render(moment.pose, 0))
+            for moment in first
+            if np.linalg.norm(place(moment) - place(later)) > 15
         ]
         assert seen @ outlines(before) > np.mean(elsewhere) + 2 * np.std(elsewhere)
 
 
-# Looks east from 1.5 m above the origin: 20 pixels are one metre in 10 m distance.
+# Looks east from 1.5 m above the origin: 20 pixels are 1 m at a distance of 10 m.
 CAMERA = Camera(width=400, height=300, field_of_view_deg=90.0, height_m=1.5)
 ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
-def wall(distance: float, colour: int, left: float = 1.0, right: float = -1.0) -> Panel:
+def wall(distance: float, color: int, left: float = 1.0, right: float = -1.0) -> Panel:
     """Return a wall across the view, from 0.5 m to 2.5 m."""
-    texture = Texture(np.full((4, 4, 3), colour, np.uint8))
+    texture = Texture(np.full((4, 4, 3), color, np.uint8))
     return upright((distance, left), (distance, right), 0.5, 2.5, texture)
 
 
@@ -158,11 +158,15 @@ def test_bag_holds_the_drive(tmp_path, storage):
     assert len(images) + len(odometry) + len(info) == len(messages)
     stamps = [stamp_ns(message) for _, message in messages]
     assert stamps == sorted(stamps) and stamps[0] > 10**18
-    assert [stamp_ns(each) for each in info] == [stamp_ns(each) for each in images]
+    assert [stamp_ns(message) for message in info] == [stamp_ns(message) for message in images]
     # 320 pixels cover 80 degrees.
     assert info[0].k[0] == pytest.approx(160 / np.tan(np.radians(40)))
-    assert [stamp_ns(each) for each in images] == [each.stamp_ns for each in route.images()]
-    assert [stamp_ns(each) for each in odometry] == [each.stamp_ns for each in route.odometry()]
+    assert [stamp_ns(message) for message in images] == [
+        moment.stamp_ns for moment in route.images()
+    ]
+    assert [stamp_ns(message) for message in odometry] == [
+        moment.stamp_ns for moment in route.odometry()
+    ]
     first = next(route.images())
     assert np.array_equal(image_from_message(images[0]), StreetWorld(seed=0).render(first.pose, 0))
     start = next(route.odometry()).pose

@@ -1,13 +1,11 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A camera before the node, and someone who reads its answers and sets its parameters."""
+"""Publishes images to the node, receives its answers and calls its parameter services."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-import os
-from pathlib import Path
 import struct
 import time
 
@@ -18,6 +16,7 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.formats import NODE_NAME
 import numpy as np
 from numpy.typing import NDArray
+import psutil
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -27,26 +26,27 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, PointCloud2
 
 _NS = 10**9
-# Of a serialised message, where the stamp stands.
+# Offset of the stamp in a serialized message.
 _STAMP_OFFSET = 4
 _READY_S = 60.0
 _SETTLED_S = 5.0
-# Parameter calls are this far apart: no multiple of the time between images.
+# Time between parameter calls, not a multiple of the time between images.
 _CALLS_EVERY_S = 0.097
 _LIVE = 'min_score', 0.95
 
 
 @dataclass(frozen=True)
-class Ride:
+class LoadResult:
     """
-    What came of showing images to the node.
+    Latencies and counts of one run.
 
-    :param latencies_ms: of each answer, from just before an image was published.
-    :param calls_ms: what parameter calls took meanwhile.
-    :param cpu: seconds of CPU that the node's process took for each second.
-    :param lost: images that DDS did not deliver, as the node knows.
-    :param dropped: those that a newer one took the place of while the node was busy.
-    :param passed_over: those that their stamps or their content kept from being processed.
+    :param sent: number of published images.
+    :param latencies_ms: time from publishing an image to its answer, for each answer.
+    :param calls_ms: time of each parameter call during the run.
+    :param cpu: CPU time of the process of the node, seconds per second.
+    :param lost: images that DDS did not deliver, as counted by the node.
+    :param dropped: images that were replaced by newer images while the node was busy.
+    :param skipped: images that were skipped by their stamps, or refused by their content.
     """
 
     sent: int
@@ -55,29 +55,29 @@ class Ride:
     cpu: float
     lost: int
     dropped: int
-    passed_over: int
+    skipped: int
 
     @property
     def answered(self) -> int:
-        """Return how many images were answered."""
+        """Return the number of answered images."""
         return len(self.latencies_ms)
 
     @property
     def unaccounted(self) -> int:
-        """Return how many images were neither answered nor counted by the node."""
-        return self.sent - self.answered - self.lost - self.dropped - self.passed_over
+        """Return the number of images that were neither answered nor counted by the node."""
+        return self.sent - self.answered - self.lost - self.dropped - self.skipped
 
 
-class User(Node):
+class LoadGenerator(Node):
     """
-    Shows images to the node at a steady rate.
+    Publishes images to the node at a constant rate.
 
-    :param pid: of the node's process.
+    :param pid: process id of the node.
     """
 
     def __init__(self, pid: int) -> None:
         super().__init__('hdc_benchmark')
-        self._pid = pid
+        self._process = psutil.Process(pid)
         self._sent: dict[int, float] = {}
         self._latencies: list[float] = []
         self._calls: list[float] = []
@@ -91,31 +91,31 @@ class User(Node):
 
     def wait_for_node(self, alive: Callable[[], bool]) -> None:
         """
-        Wait until the node listens and is heard: it spins when its database is full.
+        Wait until the topics are connected; the node spins when its database is filled.
 
         :param alive: whether the node's process still runs.
-        :raises PlaceRecognitionError: it has ended, or does not appear.
+        :raises PlaceRecognitionError: the node has ended, or does not appear.
         """
         if not self._wait(lambda: self._connected() or not alive(), _READY_S) or not alive():
             raise PlaceRecognitionError('the node did not start; see above')
 
-    def ride(self, images: Sequence[NDArray[np.uint8]], rate: int, seconds: float) -> Ride:
-        """Show the images to and fro at a rate, in Hz, and call for parameters meanwhile."""
-        messages = [_serialised(image) for image in (*images, *images[-2:0:-1])]
+    def run(self, images: Sequence[NDArray[np.uint8]], rate: int, seconds: float) -> LoadResult:
+        """Publish the images forward and backward at a rate in Hz, with parameter calls."""
+        messages = [_serialized(image) for image in (*images, *images[-2:0:-1])]
         self._sent, self._latencies, self._calls = {}, [], []
-        before, cpu_s, start = dict(self._counts), _cpu_seconds(self._pid), time.monotonic()
+        before, cpu_s, start = dict(self._counts), self._cpu_seconds(), time.monotonic()
         calls = self.create_timer(_CALLS_EVERY_S, self._call)
         for number in range(round(rate * seconds)):
             self._spin_until(start + number / rate)
-            self._show(messages[number % len(messages)])
+            self._publish(messages[number % len(messages)])
         self._spin_until(start + seconds)
-        cpu = (_cpu_seconds(self._pid) - cpu_s) / (time.monotonic() - start)
+        cpu = (self._cpu_seconds() - cpu_s) / (time.monotonic() - start)
         self.destroy_timer(calls)
-        self._wait(lambda: self._ride(before, cpu).unaccounted <= 0, _SETTLED_S)
-        return self._ride(before, cpu)
+        self._wait(lambda: self._result(before, cpu).unaccounted <= 0, _SETTLED_S)
+        return self._result(before, cpu)
 
     def _connected(self) -> bool:
-        """Return whether images and parameter calls arrive, and answers come back."""
+        """Return whether topics and parameter services are connected in both directions."""
         return bool(
             self._images.get_subscription_count()
             and self.count_publishers(f'/{NODE_NAME}/candidates')
@@ -131,18 +131,23 @@ class User(Node):
             self._executor.spin_once(timeout_sec=0.1)
         return True
 
+    def _cpu_seconds(self) -> float:
+        """Return the CPU time of the process of the node so far."""
+        times = self._process.cpu_times()
+        return float(times.user + times.system)
+
     def _spin_until(self, due: float) -> None:
         while (left := due - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left)
 
-    def _show(self, message: bytearray) -> None:
+    def _publish(self, message: bytearray) -> None:
         stamp = time.time_ns()
         struct.pack_into('<iI', message, _STAMP_OFFSET, *divmod(stamp, _NS))
         self._sent[stamp] = time.perf_counter()
         self._images.publish(bytes(message))
 
     def _call(self) -> None:
-        """Ask for a parameter, or set it to what it is."""
+        """Get a parameter, or set it to its present value."""
         start, (name, value) = time.perf_counter(), _LIVE
         if len(self._calls) % 2:
             future = self._parameters.set_parameters([Parameter(name, value=value)])
@@ -151,7 +156,7 @@ class User(Node):
         future.add_done_callback(lambda _: self._calls.append((time.perf_counter() - start) * 1e3))
 
     def _on_answer(self, message: PointCloud2) -> None:
-        # An answer that came too late for the ride before counts for none.
+        # Ignore late answers of an earlier run.
         if (start := self._sent.get(stamp_ns(message))) is not None:
             self._latencies.append((time.perf_counter() - start) * 1e3)
 
@@ -159,37 +164,31 @@ class User(Node):
         for status in message.status:
             if status.name.startswith(NODE_NAME):
                 self._counts = {
-                    each.key: int(each.value) for each in status.values if each.value.isdecimal()
+                    item.key: int(item.value) for item in status.values if item.value.isdecimal()
                 }
 
-    def _ride(self, before: Mapping[str, int], cpu: float) -> Ride:
-        """Return what is known of a ride before which the node had counted this."""
+    def _result(self, before: Mapping[str, int], cpu: float) -> LoadResult:
+        """Return the result of a run so far; `before` are the counts of the node before it."""
 
         def since(*starts: str) -> int:
             names = [name for name in self._counts if name.startswith(starts)]
             return sum(self._counts[name] - before[name] for name in names)
 
-        return Ride(
+        return LoadResult(
             len(self._sent),
             np.array(self._latencies),
             np.array(self._calls),
             cpu,
             lost=since('images lost'),
             dropped=since('images dropped'),
-            passed_over=since('images passed over', 'images refused'),
+            skipped=since('images skipped', 'images passed over', 'images refused'),
         )
 
 
-def _serialised(image: NDArray[np.uint8]) -> bytearray:
-    """Return an image message as it travels, so that sending it costs a camera little."""
+def _serialized(image: NDArray[np.uint8]) -> bytearray:
+    """Return a serialized image message, so that publishing it takes little time."""
     height, width, _ = image.shape
     message = Image(height=height, width=width, encoding='bgr8', step=3 * width)
     message.header.frame_id = 'camera'
     message.data = image.tobytes()
     return bytearray(serialize_message(message))
-
-
-def _cpu_seconds(pid: int) -> float:
-    """Return the CPU time of a process so far."""
-    after_name = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return sum(map(int, after_name[11:13])) / os.sysconf('SC_CLK_TCK')
