@@ -22,7 +22,7 @@ def header(stamp_ns, store=STORE):
 
 
 def image(stamp_ns, value=0, size=None, store=STORE):
-    """Return a 4 x 6 grey image of one value; `size` bytes of it."""
+    """Return a 4 x 6 gray image of one value; `size` bytes of it."""
     return store.types['sensor_msgs/msg/Image'](
         header=header(stamp_ns, store),
         height=4,

@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='hdc_evaluate',
         allow_abbrev=False,
-        description='Run the recogniser on recorded images and measure what it finds.',
+        description='Run the recognizer on recorded images and measure what it finds.',
         epilog='Without ground truth the closures are counted and the metrics are null.',
     )
     _add_inputs(parser)

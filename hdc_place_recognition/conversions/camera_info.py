@@ -49,7 +49,7 @@ def camera_from_message(message: CameraInfoMessage, *, rectified: bool) -> Camer
             f'camera_info with focal lengths {matrix[0, 0]:g} and {matrix[1, 1]:g}: the camera is '
             'not calibrated'
         )
-    # Pixel centres are whole numbers in camera_info; points of an image begin at its edge.
+    # Pixel centers are whole numbers in camera_info; points of an image begin at its edge.
     matrix[:2, 2] += 0.5 / message.width
     matrix[2, 2] = 1.0
     model = '' if rectified else message.distortion_model

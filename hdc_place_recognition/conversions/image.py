@@ -1,7 +1,7 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Image messages as 8-bit grey or BGR images, for the node and the bag reader alike.
+Image messages as 8-bit gray or BGR images, for the node and the bag reader alike.
 
 A message is anything with the fields of sensor_msgs/Image or sensor_msgs/CompressedImage: of
 rclpy, of rosbags, or a test's own.
@@ -55,15 +55,15 @@ def stamp_ns(message: StampedMessage) -> int:
 
 def image_from_message(message: ImageMessage | CompressedMessage) -> NDArray[np.uint8]:
     """
-    Return the image of a message: grey from a grey camera, otherwise BGR.
+    Return the image of a message: gray from a gray camera, otherwise BGR.
 
-    16-bit luminance, colours and Bayer patterns are full scale (65535 becomes 255); 16UC1, 16SC1
+    16-bit luminance, colors and Bayer patterns are full scale (65535 becomes 255); 16UC1, 16SC1
     and floats are stretched from their least to their greatest finite value; see
     `hdc_place_recognition.conversions.pixels.as_uint8`. An EXIF orientation is ignored.
 
     :param message: An image of one of `SUPPORTED_ENCODINGS`, or one with a `format`: JPEG, PNG or
         what else OpenCV decodes.
-    :return: (h, w) or (h, w, 3), contiguous. May share the message's memory (8-bit grey or BGR
+    :return: (h, w) or (h, w, 3), contiguous. May share the message's memory (8-bit gray or BGR
         without padding): then it is read-only, and changes if someone writes to the message.
     :raises PlaceRecognitionError: if the encoding is not supported, if height, width, step and
         the length of the data do not go together, or if the data cannot be decoded.
@@ -144,7 +144,7 @@ def _decompressed(format_: str, data: bytes) -> NDArray[np.uint8]:
 
 def _decoded(data: bytes) -> NDArray[Any] | None:
     """Return the pixels as they were compressed, alpha dropped; None if they cannot be decoded."""
-    # OpenCV 4 fills what is missing of a JPEG with grey; OpenCV 5 refuses it.
+    # OpenCV 4 fills what is missing of a JPEG with gray; OpenCV 5 refuses it.
     if data.startswith(b'\xff\xd8') and data.rfind(b'\xff\xd9') < data.rfind(b'\xff\xda'):
         return None
     flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION

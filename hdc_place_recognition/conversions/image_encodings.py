@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of image encodings: how pixels lie in a message and become 8-bit grey or BGR."""
+"""The table of image encodings: how pixels lie in a message and become 8-bit gray or BGR."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Encoding:
         return planes
 
 
-def _colour(code: int) -> Convert:
+def _color(code: int) -> Convert:
     return lambda pixels: as_uint8(cv2.cvtColor(pixels, code))
 
 
@@ -84,13 +84,13 @@ def _stretched(pixels: NDArray[Any]) -> NDArray[np.uint8]:
     return as_uint8(pixels.astype(np.float32))
 
 
-_RGB, _RGBA = _colour(cv2.COLOR_RGB2BGR), _colour(cv2.COLOR_RGBA2BGR)
-_BGRA = _colour(cv2.COLOR_BGRA2BGR)
+_RGB, _RGBA = _color(cv2.COLOR_RGB2BGR), _color(cv2.COLOR_RGBA2BGR)
+_BGRA = _color(cv2.COLOR_BGRA2BGR)
 # ROS names a Bayer pattern by its first four pixels, OpenCV by two of its second row.
-_RGGB, _BGGR = _colour(cv2.COLOR_BayerBG2BGR), _colour(cv2.COLOR_BayerRG2BGR)
-_GBRG, _GRBG = _colour(cv2.COLOR_BayerGR2BGR), _colour(cv2.COLOR_BayerGB2BGR)
-_UYVY = Encoding(np.uint8, 2, _colour(cv2.COLOR_YUV2BGR_UYVY), multiples=(1, 2))
-_YUYV = Encoding(np.uint8, 2, _colour(cv2.COLOR_YUV2BGR_YUYV), multiples=(1, 2))
+_RGGB, _BGGR = _color(cv2.COLOR_BayerBG2BGR), _color(cv2.COLOR_BayerRG2BGR)
+_GBRG, _GRBG = _color(cv2.COLOR_BayerGR2BGR), _color(cv2.COLOR_BayerGB2BGR)
+_UYVY = Encoding(np.uint8, 2, _color(cv2.COLOR_YUV2BGR_UYVY), multiples=(1, 2))
+_YUYV = Encoding(np.uint8, 2, _color(cv2.COLOR_YUV2BGR_YUYV), multiples=(1, 2))
 _NV12, _NV21 = _two_planes(cv2.COLOR_YUV2BGR_NV12), _two_planes(cv2.COLOR_YUV2BGR_NV21)
 
 ENCODINGS = {

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of any depth as the 8-bit grey or BGR images that local features are taken from."""
+"""Images of any depth as the 8-bit gray or BGR images that local features are taken from."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 def as_uint8(image: NDArray[Any]) -> NDArray[np.uint8]:
     """
-    Return an image as 8-bit grey or BGR.
+    Return an image as 8-bit gray or BGR.
 
     uint16 is taken as full scale, 65535 becoming 255: the lower byte is dropped. float32 has no
     scale of its own: its finite values are stretched from their least (0) to their greatest (255),
     a constant image becomes 0, and so does what is not finite.
 
     :param image: (h, w), (h, w, 1), (h, w, 3) or (h, w, 4), at least one pixel, of uint8, uint16
-        or float32; BGR or BGRA where it has colour. Alpha is dropped, it takes no part in scaling.
+        or float32; BGR or BGRA where it has color. Alpha is dropped, it takes no part in scaling.
     :return: (h, w) or (h, w, 3), contiguous; shares the memory of a contiguous uint8 image.
     :raises PlaceRecognitionError: if shape or dtype is another.
     """

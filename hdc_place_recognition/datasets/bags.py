@@ -39,7 +39,7 @@ class BagImages:
     :param topic: of sensor_msgs/Image or CompressedImage.
     :param n_messages: how many messages the topic has.
     :param skip_bad: pass over messages that hold no image, and hand on images whose stamp does
-        not rise (the recogniser passes over those, as in the node), with a warning; otherwise
+        not rise (the recognizer passes over those, as in the node), with a warning; otherwise
         either is an error.
     """
 

@@ -15,7 +15,7 @@ from hdc_place_recognition.recognition.keyframes import no_odometry, Odometry
 import numpy as np
 from numpy.typing import NDArray
 
-Frame = tuple[int, NDArray[np.uint8]]  # stamp in ns; (h, w) grey or (h, w, 3) BGR
+Frame = tuple[int, NDArray[np.uint8]]  # stamp in ns; (h, w) gray or (h, w, 3) BGR
 Stamps = NDArray[np.int64]
 
 
@@ -54,7 +54,7 @@ class GroundTruth(Protocol):
 
 
 class Mode(Enum):
-    """How the images of a data set are shown to the recogniser."""
+    """How the images of a data set are shown to the recognizer."""
 
     SEQUENCE = 'one sequence, each image against the older ones'
     TRAVERSES = 'two traverses, the queries against the reference'
@@ -67,7 +67,7 @@ class Dataset:
     One input of the evaluation.
 
     :param name: short name, for tables and the results folder.
-    :param mode: how the images are shown to the recogniser.
+    :param mode: how the images are shown to the recognizer.
     :param queries: all images, or those of the second traverse.
     :param reference: the images of the first of two traverses, else None.
     :param ground_truth: None if nothing is known.

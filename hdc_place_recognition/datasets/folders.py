@@ -63,7 +63,7 @@ class FolderImages:
 
 def read_image(file: Path) -> NDArray[np.uint8]:
     """
-    Return the image of a file: (h, w) if it is grey, else (h, w, 3) BGR; 16 bits become 8.
+    Return the image of a file: (h, w) if it is gray, else (h, w, 3) BGR; 16 bits become 8.
 
     :param file: a jpg or png file.
     :raises PlaceRecognitionError: it does not decode; names it.

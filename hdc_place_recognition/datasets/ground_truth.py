@@ -61,7 +61,7 @@ class PoseTruth:
 
     :param queries: poses of the query images.
     :param database: poses of the database images, in the same fixed frame.
-    :param radius_m: greatest distance of a hard pair, metres.
+    :param radius_m: greatest distance of a hard pair, meters.
     :param max_angle_deg: greatest angle of a hard pair, degrees; from 180 on it is not looked at.
     :param view_axis: the body's axis that looks ahead, 'x' (robot) or 'z' (optical frame).
     :param tolerance_ns: greatest time between an image and its pose.

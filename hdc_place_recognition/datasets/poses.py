@@ -25,7 +25,7 @@ class Poses:
     Poses of a body in one fixed frame.
 
     :param stamps_ns: (n,) int64, strictly rising.
-    :param positions: (n, 3) float64, metres, finite.
+    :param positions: (n, 3) float64, meters, finite.
     :param quaternions: (n, 4) float64 as x y z w, finite; any length but zero.
     """
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the recogniser on a data set and measures what it says; reads and writes no files."""
+"""Runs the recognizer on a data set and measures what it says; reads and writes no files."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Evaluation:
 
     :param dataset: what was evaluated.
     :param params: in force at the end.
-    :param recording: all that the recogniser said.
+    :param recording: all that the recognizer said.
     :param cost: what it took.
     :param judgement: None without ground truth.
     """
@@ -121,7 +121,7 @@ def evaluate(
     dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress = without_progress
 ) -> Evaluation:
     """
-    Run a recogniser on a data set and measure what it says.
+    Run a recognizer on a data set and measure what it says.
 
     The caller has set the parameters that the data set fixes (`dataset.overrides`).
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the ground truth says of the closures that the recogniser accepted."""
+"""What the ground truth says of the closures that the recognizer accepted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -105,7 +105,7 @@ class Pairs:
     :param similarities: (q, n) float, higher is closer; only the eligible entries are read.
     :param hard: (q, n) bool, the same place.
     :param soft: (q, n) bool, perhaps the same place; where it is not hard, the pair is ignored.
-    :param eligible: (q, n) bool, the pairs that the recogniser was to compare.
+    :param eligible: (q, n) bool, the pairs that the recognizer was to compare.
     :raises PlaceRecognitionError: if the shapes differ or an eligible similarity is NaN.
     """
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 _SHOWN_PAIRS = 4
 _CALIBRATION_BINS = 10
 _CONTRAST = (2.0, 99.8)  # percentiles of the similarities that are drawn white and black
-# Colours that the colour-blind can tell apart.
-_COLOURS = {
+# Colors that the color-blind can tell apart.
+_COLORS = {
     Verdict.TRUE: '#0072b2',
     Verdict.FALSE: '#d55e00',
     Verdict.IGNORED: '#999999',
@@ -67,7 +67,7 @@ def draw_calibration(scores: NDArray[np.float64], true: NDArray[np.bool_], file:
     figure = _figure(4.5, 4.5)
     axes = figure.add_subplot(xlabel='score', ylabel='share of true closures', aspect='equal')
     axes.plot([0, 1], [0, 1], color='#999999', linewidth=1)
-    axes.plot(predicted, observed, marker='o', color=_COLOURS[Verdict.TRUE])
+    axes.plot(predicted, observed, marker='o', color=_COLORS[Verdict.TRUE])
     for x, y, count in zip(predicted, observed, counts[filled], strict=True):
         axes.annotate(str(count), (x, y), xytext=(4, -10), textcoords='offset points', fontsize=7)
     figure.savefig(file)
@@ -130,11 +130,11 @@ def _draw_matrix(axes: Any, evaluation: Evaluation) -> None:
     axes.figure.colorbar(picture, ax=axes, label='similarity', shrink=0.8, extend='both')
     cells = np.array(recording.cells(accepted_only=True)).reshape(-1, 2)
     verdicts = [verdict for _, verdict in _accepted(evaluation)]
-    for verdict, colour in _COLOURS.items():
+    for verdict, color in _COLORS.items():
         columns, rows = cells[[each is verdict for each in verdicts]].T[::-1]
         if len(rows):
             label = f'{len(rows)} {verdict.value if verdict else "accepted"}'
-            axes.scatter(columns, rows, s=24, facecolors='none', edgecolors=colour, label=label)
+            axes.scatter(columns, rows, s=24, facecolors='none', edgecolors=color, label=label)
             axes.legend(loc='upper right', title='closures')
     axes.set(xlabel='database image', ylabel='query image', title=evaluation.dataset.name)
 
@@ -158,7 +158,7 @@ def _shown_pairs(evaluation: Evaluation) -> list[tuple[Candidate, Verdict | None
 def _draw_pairs(
     figure: Any, evaluation: Evaluation, pairs: list[tuple[Candidate, Verdict | None]]
 ) -> None:
-    """Draw each query beside its match, framed in the colour of the verdict."""
+    """Draw each query beside its match, framed in the color of the verdict."""
     dataset = evaluation.dataset
     queries = _images(dataset.queries, {pair.query_stamp_ns for pair, _ in pairs})
     database = dataset.queries if dataset.reference is None else dataset.reference
@@ -174,7 +174,7 @@ def _draw_pairs(
             axes.set_title(title, fontsize=8)
             axes.set(xticks=[], yticks=[])
             for edge in axes.spines.values():
-                edge.set(color=_COLOURS[verdict], linewidth=2)
+                edge.set(color=_COLORS[verdict], linewidth=2)
 
 
 def _seconds(stamp_ns: int) -> str:

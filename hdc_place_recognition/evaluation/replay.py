@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Shows the images of a data set to the recogniser, in one of three orders."""
+"""Shows the images of a data set to the recognizer, in one of three orders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Progress = Callable[[Frames, str], Iterable[Frame]]  # wraps images that are gon
 
 def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) -> Recording:
     """
-    Show all images of a data set to a recogniser, in the order that its mode says.
+    Show all images of a data set to a recognizer, in the order that its mode says.
 
     :param dataset: the images.
     :param recognizer: with an empty database.
@@ -185,7 +185,7 @@ def _older(
     """
     Return (n, n) bool, the images of a sequence that were old enough for each to be compared with.
 
-    Of the stored ones the recogniser tells how many it compared; the others go by their stamps.
+    Of the stored ones the recognizer tells how many it compared; the others go by their stamps.
     """
     exclude_ns = nanoseconds(exclude_recent_s)
     stored = rows != NOT_STORED

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recogniser said of a data set."""
+"""What the recognizer said of a data set."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOT_FOUND = np.float32(-1)  # similarity of an image that can not be found: belo
 @dataclass(frozen=True)
 class Recording:
     """
-    What the recogniser said.
+    What the recognizer said.
 
     :param detections: one a query, in their order; images that were passed over are left out.
     :param database_stamps_ns: (n,) int64, of each image that was to be stored.
@@ -27,7 +27,7 @@ class Recording:
     :param eligible: (q, n) bool, which of these images each query was to be compared with.
     :param features: local features of each image.
     :param milliseconds: of each image, by stage.
-    :param passed_over: how many images the recogniser did not look at, because of their stamps.
+    :param passed_over: how many images the recognizer did not look at, because of their stamps.
     """
 
     detections: tuple[Detection, ...]

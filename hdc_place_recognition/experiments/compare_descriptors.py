@@ -22,10 +22,10 @@ signed square root of the vector                      -.005/+.002/+.019/-.011/+.
 mean that fades out (EMA), or is frozen               -.05 to -.2 on lip6
 mean of the query's own session, after 5 of the       +.062 on stromovka, R@1 .72 to .80;
 database's                                            n_x = 8 reaches this without it
-unit length again after standardising                 -.001/.000/-.018/-.002/+.003
-standardising without unit lengths                    worse
+unit length again after standardizing                 -.001/.000/-.018/-.002/+.003
+standardizing without unit lengths                    worse
 rows, columns or blocks of the projection             within .006 of the Gaussian one
-normalised, random signs
+normalized, random signs
 soft maximum or mean over displacements               below the maximum
 penalty on displacements, or cells that leave the     no difference
 image left out
@@ -87,7 +87,7 @@ VARIANTS = (
     Variant('n = (1, 1)', {'n_x': 1, 'n_y': 1}, DROPPED, 'positions count'),
     Variant('Gaussian projection', {'projection': 'gaussian'}, KEPT, "the paper's; no difference"),
     Variant('l2_center', {'preprocessing': 'l2_center'}, KEPT, "the paper's; slightly worse"),
-    Variant('no centring', {'center_database': False}, DROPPED, 'what all images share remains'),
+    Variant('no centering', {'center_database': False}, DROPPED, 'what all images share remains'),
     Variant('d = 1024', {'dimensions': 1024}, KEPT, 'a quarter of the memory, clearly worse'),
     Variant('d = 2048', {'dimensions': 2048}, KEPT, 'half the memory, worse'),
     Variant('d = 8192', {'dimensions': 8192}, KEPT, 'slight gain, twice the memory'),

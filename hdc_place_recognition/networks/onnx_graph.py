@@ -35,7 +35,7 @@ _OPSET, _IR_VERSION = 10, 5
 
 def build(state: State, *, head: bool) -> bytes:
     """
-    Return the serialised graph; the same weights give the same bytes.
+    Return the serialized graph; the same weights give the same bytes.
 
     Input `image` is (1, 3, h, w) float32 RGB, (value - 127) / 128, h and w multiples of 16.
     Output `features` is block 10, (1, 112, h / 16, w / 16); output `head`, if wanted, is the last
@@ -51,7 +51,7 @@ def build(state: State, *, head: bool) -> bytes:
         x = graph.block(x, number, FEATURES if number == BLOCK else f'block{number}')
     if head:
         graph.convolution(x, '_conv_head', '_bn1', HEAD)
-    return graph.serialise([FEATURES, HEAD] if head else [FEATURES])
+    return graph.serialize([FEATURES, HEAD] if head else [FEATURES])
 
 
 def fold(
@@ -115,7 +115,7 @@ class _Graph:
         )
         return self._append('Clip', [y], name, min=0.0, max=6.0) if relu else y
 
-    def serialise(self, outputs: list[str]) -> bytes:
+    def serialize(self, outputs: list[str]) -> bytes:
         """Return the graph with these outputs as bytes."""
         helper = self._onnx.helper
         tensors = {
@@ -134,8 +134,8 @@ class _Graph:
         model = helper.make_model(
             graph, ir_version=_IR_VERSION, opset_imports=[helper.make_opsetid('', _OPSET)]
         )
-        serialised: bytes = model.SerializeToString(deterministic=True)
-        return serialised
+        serialized: bytes = model.SerializeToString(deterministic=True)
+        return serialized
 
     def _constant(self, values: NDArray[np.float32], name: str) -> str:
         self._constants.append(self._onnx.numpy_helper.from_array(values, name))

@@ -21,7 +21,7 @@ def load(graph: bytes, outputs: list[str], threads: int) -> Run:
     """
     Return the function from a graph's input to the named outputs.
 
-    :param graph: a serialised ONNX model with one input.
+    :param graph: a serialized ONNX model with one input.
     :param outputs: the names.
     :param threads: CPU threads of onnxruntime, 0 for its own choice; OpenCV's number of threads
         is that of the process.

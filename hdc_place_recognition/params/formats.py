@@ -18,7 +18,7 @@ import yaml
 NODE_NAME = 'place_recognition_node'
 # Sections of a ROS parameter file that speak to our node, the later ones winning.
 _SECTIONS = ('/**', NODE_NAME, f'/{NODE_NAME}')
-# Parameters that every ROS node has; a file may set them, the recogniser has no use for them.
+# Parameters that every ROS node has; a file may set them, the recognizer has no use for them.
 _OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 
 

@@ -121,7 +121,7 @@ class Params:
     n_y: int = param(6, 'Vertical subintervals of the position encoding.', low=1, high=64)
     preprocessing: str = param(
         'standardize',
-        'Descriptors of an image: unit length, then centred (l2_center) or also '
+        'Descriptors of an image: unit length, then centerd (l2_center) or also '
         'scaled to unit deviation in each dimension (standardize).',
         choices=('l2_center', 'standardize'),
     )

@@ -17,7 +17,7 @@ import pytest
 
 PADDING = 5
 BLUE, GREEN, RED = [255, 0, 0], [0, 255, 0], [0, 0, 255]
-# The samples (Y, U, V) of full-scale primaries by ITU-R BT.601, as colour bars have them.
+# The samples (Y, U, V) of full-scale primaries by ITU-R BT.601, as color bars have them.
 YUV = {'blue': (41, 240, 110), 'green': (145, 54, 34), 'red': (81, 90, 240)}
 # Samples of one pixel, and of which type; all encodings of one plane.
 LAYOUTS = {
@@ -143,9 +143,9 @@ def test_pixels_written_out(encoding, pixels, expected, padding, big):
 @pytest.mark.parametrize('padding', [0, PADDING])
 @pytest.mark.parametrize('bits', [8, 16])
 @pytest.mark.parametrize('order', ['rggb', 'bggr', 'gbrg', 'grbg'])
-def test_bayer_patterns_of_a_plain_colour(order, bits, padding):
+def test_bayer_patterns_of_a_plain_color(order, bits, padding):
     levels = {'r': 200, 'g': 100, 'b': 50}
-    tile = np.reshape([levels[colour] for colour in order], (2, 2))
+    tile = np.reshape([levels[color] for color in order], (2, 2))
     mosaic = np.tile(tile, (4, 5)).astype(np.uint8)
     if bits == 16:
         mosaic = mosaic.astype(np.uint16) << 8
@@ -158,7 +158,7 @@ def test_bayer_patterns_of_a_plain_colour(order, bits, padding):
     ('encodings', 'order'),
     [(('uyvy', 'yuv422'), [1, 0, 2, 0]), (('yuyv', 'yuv422_yuy2'), [0, 1, 0, 2])],
 )
-def test_yuv_of_which_two_pixels_share_the_colour(encodings, order, padding):
+def test_yuv_of_which_two_pixels_share_the_color(encodings, order, padding):
     # Two pixels are four samples: of blue beside red, over green beside white.
     tiles = [[YUV['blue'], YUV['red']], [YUV['green'], (235, 128, 128)]]
     samples = np.uint8([[[tile[i] for i in order] for tile in row] for row in tiles])
@@ -171,7 +171,7 @@ def test_yuv_of_which_two_pixels_share_the_colour(encodings, order, padding):
 
 @pytest.mark.parametrize('padding', [0, 6])
 @pytest.mark.parametrize(('encoding', 'order'), [('nv12', [1, 2]), ('nv21', [2, 1])])
-def test_yuv_of_which_four_pixels_share_the_colour(encoding, order, padding):
+def test_yuv_of_which_four_pixels_share_the_color(encoding, order, padding):
     names = ['blue', 'red']
     luma = np.repeat(np.repeat(np.uint8([[YUV[name][0] for name in names]]), 2, 0), 2, 1)
     chroma = np.uint8([[[YUV[name][i] for i in order] for name in names]])
@@ -180,7 +180,7 @@ def test_yuv_of_which_four_pixels_share_the_colour(encoding, order, padding):
 
 
 @pytest.mark.parametrize('padding', [0, PADDING])
-def test_yuv_of_which_each_pixel_has_its_colour(padding):
+def test_yuv_of_which_each_pixel_has_its_color(padding):
     names = [['blue', 'red', 'green'], ['green', 'blue', 'red']]
     pixels = np.uint8([[YUV[name] for name in row] for row in names])
     made = two_planes('nv24', pixels[..., 0], pixels[..., 1:], padding)
@@ -350,7 +350,7 @@ def test_unknown_encoding(encoding):
         ('nv21', 2, 3, 'a height divisible by 2 and a width by 2'),
     ],
 )
-def test_pixels_that_share_a_colour_come_in_pairs(encoding, height, width, needed):
+def test_pixels_that_share_a_color_come_in_pairs(encoding, height, width, needed):
     made = changed(encoding=encoding, height=height, width=width)
     with pytest.raises(PlaceRecognitionError, match=f'{encoding}.* needs {needed}'):
         image_from_message(made)
@@ -360,27 +360,27 @@ def test_pixels_that_share_a_colour_come_in_pairs(encoding, height, width, neede
 
 
 @pytest.mark.parametrize('format_', ['jpeg', '', 'bgr8; jpeg compressed bgr8', 'rgb8; jpeg'])
-def test_colour_jpeg(format_):
+def test_color_jpeg(format_):
     result = image_from_message(compressed(picture(), '.jpg', format_))
     assert result.shape == (48, 64, 3)
     assert np.abs(result.astype(int) - picture()).mean() < 6
 
 
 @pytest.mark.parametrize('format_', ['jpeg', '', 'mono8; jpeg compressed ', 'mono16; jpeg'])
-def test_grey_jpeg_stays_grey(format_):
-    grey = picture()[..., 0]
-    result = image_from_message(compressed(grey, '.jpg', format_))
+def test_gray_jpeg_stays_gray(format_):
+    gray = picture()[..., 0]
+    result = image_from_message(compressed(gray, '.jpg', format_))
     assert result.shape == (48, 64)
-    assert np.abs(result.astype(int) - grey).mean() < 3
+    assert np.abs(result.astype(int) - gray).mean() < 3
 
 
 @pytest.mark.parametrize('format_', ['png', 'rgb8; png compressed bgr8', 'bgr8; png compressed '])
-def test_colour_png(format_):
+def test_color_png(format_):
     result = image_from_message(compressed(picture(), '.png', format_))
     np.testing.assert_array_equal(result, picture())
 
 
-def test_colours_compressed_in_the_order_of_rgb():
+def test_colors_compressed_in_the_order_of_rgb():
     made = compressed(picture()[..., ::-1], '.png', 'rgb8; png compressed rgb8')
     np.testing.assert_array_equal(image_from_message(made), picture())
 

@@ -12,9 +12,9 @@ LEAST = np.finfo(np.float32).smallest_subnormal
 
 
 def test_uint8_is_returned_as_it_is():
-    grey = np.array([[0, 1], [254, 255]], np.uint8)
-    assert np.shares_memory(as_uint8(grey), grey)
-    np.testing.assert_array_equal(as_uint8(grey), grey)
+    gray = np.array([[0, 1], [254, 255]], np.uint8)
+    assert np.shares_memory(as_uint8(gray), gray)
+    np.testing.assert_array_equal(as_uint8(gray), gray)
 
 
 def test_uint16_is_full_scale():
@@ -65,7 +65,7 @@ def test_alpha_is_dropped_and_takes_no_part_in_the_scale(dtype):
     np.testing.assert_array_equal(result, as_uint8(bgr))
 
 
-def test_one_channel_becomes_grey():
+def test_one_channel_becomes_gray():
     assert as_uint8(np.zeros((4, 5, 1), np.uint8)).shape == (4, 5)
 
 

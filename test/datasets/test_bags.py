@@ -185,7 +185,7 @@ def test_bad_message_is_skipped_and_counted_if_so_wished(tmp_path, caplog, bad, 
         tmp_path / 'bag', [(CAMERA, image(START)), (CAMERA, bad), (CAMERA, image(START + S))]
     )
     frames = list(bags.BagImages.from_bag(bag, skip_bad=True))
-    # What only has a bad stamp is handed on: the recogniser passes over it, as in the node.
+    # What only has a bad stamp is handed on: the recognizer passes over it, as in the node.
     assert len(frames) == 3 - lost
     warnings = [record.getMessage() for record in caplog.records]
     assert len(warnings) == 2 and 'message 2' in warnings[0]

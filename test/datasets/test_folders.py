@@ -16,7 +16,7 @@ POSES = 'index,stamp,x,y,z,qx,qy,qz,qw\n'
 
 
 def write_images(folder, count):
-    """Write grey images, the n-th of value n, in names that sort."""
+    """Write gray images, the n-th of value n, in names that sort."""
     folder.mkdir(parents=True)
     for index in range(count):
         cv2.imwrite(str(folder / f'{index:04d}.png'), np.full((4, 6), index, np.uint8))
@@ -39,12 +39,12 @@ def test_images_in_sorted_order_one_second_apart(tmp_path):
     assert [frame.ndim for _, frame in frames] == [2, 3, 2, 2]
 
 
-def test_colour_is_bgr_and_16_bits_become_8(tmp_path):
-    colour = np.zeros((2, 2, 3), np.uint8)
-    colour[..., 0] = 255
-    cv2.imwrite(str(tmp_path / 'blue.png'), colour)
+def test_color_is_bgr_and_16_bits_become_8(tmp_path):
+    color = np.zeros((2, 2, 3), np.uint8)
+    color[..., 0] = 255
+    cv2.imwrite(str(tmp_path / 'blue.png'), color)
     cv2.imwrite(str(tmp_path / 'deep.png'), np.array([[0, 65535]], np.uint16))
-    np.testing.assert_array_equal(read_image(tmp_path / 'blue.png'), colour)
+    np.testing.assert_array_equal(read_image(tmp_path / 'blue.png'), color)
     assert read_image(tmp_path / 'deep.png').tolist() == [[0, 255]]
 
 

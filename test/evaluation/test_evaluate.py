@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The recogniser run on small data sets: what is compared with what, and what is counted."""
+"""The recognizer run on small data sets: what is compared with what, and what is counted."""
 
 from dataclasses import dataclass
 
@@ -87,7 +87,7 @@ def test_sequence_is_causal():
     assert longer.detections[:n] == shorter.detections
 
 
-def test_evaluation_is_the_recogniser_itself():
+def test_evaluation_is_the_recognizer_itself():
     places = (0, 1, 2, 3, 4, 0, 1)
     online = recognizer()
     said = [online.process(stamp, image) for stamp, image in Places(places)]
@@ -165,7 +165,7 @@ def test_queries_do_not_depend_on_each_other():
 def test_sequence_of_queries_does_not_continue_the_reference():
     changes = {'sequence_length': 3, 'center_database': False}
     result = evaluate(traverses((5,), (0, 1, 2, 3)), recognizer(**changes))
-    # The first query is a sequence of one image, and so is the first image of a new recogniser.
+    # The first query is a sequence of one image, and so is the first image of a new recognizer.
     alone = recognizer(**changes).describe(0, texture(5))
     taught = recognizer(**changes)
     for place in range(4):
