@@ -51,7 +51,7 @@ setup(
         'onnxruntime': ['onnxruntime'],
         'plot': ['matplotlib', 'tqdm'],
         'ros': ROS,
-        'test': ['pytest<9', 'rosbags-image'],
+        'test': ['pytest<9', 'rosbags-image', 'scikit-learn'],
         'lint': LINTERS,
     },
     zip_safe=True,

@@ -17,6 +17,21 @@ from numpy.typing import NDArray
 NOT_VERIFIED = -1
 
 
+@dataclass(frozen=True)
+class Frame:
+    """
+    One image and when it was taken.
+
+    :param stamp_ns: header stamp, nanoseconds.
+    :param image: (h, w) gray or (h, w, 3) BGR.
+    :param camera: name of the camera that took the image.
+    """
+
+    stamp_ns: int
+    image: NDArray[np.uint8]
+    camera: str = 'camera'
+
+
 class Status(Enum):
     """What became of an image; the value is a phrase for people."""
 

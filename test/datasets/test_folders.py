@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of images, and what becomes of each input that a user may name."""
+"""Image folders, and the dataset that each kind of input gives."""
 
 import cv2
 from hdc_place_recognition.datasets.dataset import Mode
@@ -16,7 +16,7 @@ POSES = 'index,stamp,x,y,z,qx,qy,qz,qw\n'
 
 
 def write_images(folder, count):
-    """Write gray images, the n-th of value n, in names that sort."""
+    """Write gray images with sortable names; all pixels of image n have the value n."""
     folder.mkdir(parents=True)
     for index in range(count):
         cv2.imwrite(str(folder / f'{index:04d}.png'), np.full((4, 6), index, np.uint8))
@@ -34,9 +34,11 @@ def test_images_in_sorted_order_one_second_apart(tmp_path):
     images = FolderImages.from_folder(tmp_path / 'images')
     assert len(images) == 4
     frames = list(images)
-    assert [stamp for stamp, _ in frames] == [0, S, 2 * S, 3 * S] == images.stamps_ns.tolist()
-    assert [int(frame.min()) for _, frame in frames] == [0, 200, 1, 2]
-    assert [frame.ndim for _, frame in frames] == [2, 3, 2, 2]
+    assert (
+        [frame.stamp_ns for frame in frames] == [0, S, 2 * S, 3 * S] == images.stamps_ns.tolist()
+    )
+    assert [int(frame.image.min()) for frame in frames] == [0, 200, 1, 2]
+    assert [frame.image.ndim for frame in frames] == [2, 3, 2, 2]
 
 
 def test_color_is_bgr_and_16_bits_become_8(tmp_path):
@@ -89,7 +91,7 @@ def test_bad_poses_name_the_line(tmp_path, text):
         read_poses(file)
 
 
-def test_sequence_replaces_exclusion_by_time_with_its_gap(tmp_path):
+def test_min_gap_sets_the_minimum_age_of_candidates(tmp_path):
     write_images(tmp_path / 'images', 3)
     write_gt(tmp_path, 3, 3, min_gap=2)
     dataset = open_dataset(tmp_path, None, Options())
@@ -122,7 +124,7 @@ def test_two_traverses_in_one_folder(tmp_path):
     assert truth.hard.tolist() == [[True, False, False], [False, True, False]]
 
 
-def test_ground_truth_the_wrong_way_round(tmp_path):
+def test_transposed_ground_truth(tmp_path):
     write_images(tmp_path / 'images' / 'ref', 3)
     write_images(tmp_path / 'images' / 'query', 2)
     write_gt(tmp_path, 3, 2, min_gap=-1)
@@ -168,7 +170,7 @@ def test_poses_are_ground_truth_where_there_is_no_matrix(tmp_path):
     assert isinstance(open_dataset(tmp_path, None, Options()).ground_truth, MatrixTruth)
 
 
-def test_nothing_known(tmp_path):
+def test_without_ground_truth(tmp_path):
     write_images(tmp_path / 'images', 2)
     dataset = open_dataset(tmp_path, None, Options())
     assert dataset.mode is Mode.SEQUENCE

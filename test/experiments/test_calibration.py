@@ -1,10 +1,10 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Evidence and its probability."""
+"""Evidence, score and the fit of the calibration."""
 
 from dataclasses import replace
 
-from hdc_place_recognition.experiments.calibration import fit, Outcomes, reliability
+from hdc_place_recognition.experiments.calibration import fit, LabeledScores, reliability
 from hdc_place_recognition.verification.geometry import Geometry
 from hdc_place_recognition.verification.scoring import (
     at_edge,
@@ -83,6 +83,6 @@ def test_fit_of_separable_data_is_finite():
     assert 0 < fitted.slope < 10 and 0 < fitted.centre < 2
 
 
-def test_reliability_counts_all_candidates():
-    lines = reliability(Outcomes(np.array([0.01, 0.97, 1.0]), np.array([False, True, True])))
+def test_reliability_table_counts_all_candidates():
+    lines = reliability(LabeledScores(np.array([0.01, 0.97, 1.0]), np.array([False, True, True])))
     assert [line.split()[-1] for line in lines[1:]] == ['1', '2']
