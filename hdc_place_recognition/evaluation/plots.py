@@ -38,7 +38,7 @@ def require_matplotlib() -> None:
     """
     if find_spec('matplotlib') is None:
         raise PlaceRecognitionError(
-            '--plot needs matplotlib, which is not installed: '
+            'plots need the package matplotlib, which is not installed: '
             "pip install 'hdc_place_recognition[plot]'"
         )
 
