@@ -57,6 +57,7 @@ class Options:
                 raise PlaceRecognitionError(f'{flag} {value:g}: must be above 0')
 
 
+DEFAULT_OPTIONS = Options()
 # The images of a folder are already selected, so every image is stored and the metrics are exact
 # over all pairs. Their stamps are one second apart: a gap of n images is a gap of n seconds. A bag
 # is processed with the parameters of the node.
@@ -79,7 +80,9 @@ class _Source:
     odometry: Odometry = no_odometry
 
 
-def open_dataset(path: Path, database: Path | None, options: Options) -> Dataset:
+def open_dataset(
+    path: Path, database: Path | None = None, options: Options = DEFAULT_OPTIONS
+) -> Dataset:
     """
     Open a bag or an image folder as a dataset.
 
@@ -151,7 +154,7 @@ def _open(path: Path, options: Options) -> _Source:
     if path.is_dir() and not (path / 'metadata.yaml').exists():
         raise PlaceRecognitionError(
             f'{path} is neither a folder of images (it has no images/) nor a bag (it has no '
-            'metadata.yaml; `ros2 bag reindex` makes one)'
+            'metadata.yaml; `ros2 bag reindex` creates it)'
         )
     images = bags.BagImages.from_bag(path, options.topic, options.skip_bad)
     poses = (

@@ -179,8 +179,6 @@ def evaluate_input(
 
     :param path: a bag, or a folder with images/ (or images/ref and images/query).
     :param database: earlier traverse that `path` is compared with; None finds loops in `path`.
-    :param progress: wraps the frames to show a progress bar.
-    :return: detections and metrics.
     :raises PlaceRecognitionError: an input, an option or a parameter is invalid.
     """
     settings = Params.from_dict(params)

@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.evaluate import evaluate_dataset, Evaluation
 from hdc_place_recognition.evaluation.metrics import Label
@@ -130,7 +130,7 @@ def reliability(labeled: LabeledScores) -> list[str]:
 
 
 def _run(path: Path, verify: bool) -> Evaluation:
-    return evaluate_dataset(open_dataset(path, None, Options()), Params(verify=verify))
+    return evaluate_dataset(open_dataset(path), Params(verify=verify))
 
 
 def _evidence(

@@ -43,7 +43,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from time import perf_counter
 
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.progress import with_progress_bar
 from hdc_place_recognition.experiments.runs import Plan, run_plan, Variant, VariantResult
@@ -197,7 +197,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     if arguments.seeds < 1:
         raise PlaceRecognitionError(f'--seeds {arguments.seeds}: must be 1 or more')
     chosen = arguments.variants or [variant.name for variant in VARIANTS]
-    datasets = [open_dataset(path, None, Options()) for path in arguments.inputs]
+    datasets = [open_dataset(path) for path in arguments.inputs]
     names = [dataset.name for dataset in datasets]
     for dataset in datasets:
         if dataset.ground_truth is None:

@@ -13,7 +13,7 @@ from typing import Any
 from hdc_place_recognition.datasets.dataset import Dataset, Mode, Truth
 from hdc_place_recognition.datasets.folders import FolderImages
 from hdc_place_recognition.datasets.ground_truth import MatrixTruth
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.evaluation.evaluate import evaluate_dataset, Evaluation, Scores
 from hdc_place_recognition.evaluation.plots import draw_calibration, require_matplotlib
 from hdc_place_recognition.evaluation.tables import aligned, number
@@ -77,7 +77,7 @@ def run_operating_point(arguments: argparse.Namespace) -> str:
         require_matplotlib()
     rows, labeled = [_COLUMNS], []
     for path in arguments.data:
-        for dataset in _datasets(open_dataset(path, None, Options()), arguments.reversed):
+        for dataset in _datasets(open_dataset(path), arguments.reversed):
             evaluation = evaluate_dataset(dataset, params)
             rows += _rows(evaluation)
             if evaluation.scores:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdc_place_recognition.datasets.dataset import Dataset, Frames, Mode
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
@@ -65,7 +65,7 @@ def run_shift(arguments: argparse.Namespace) -> str:
     :raises PlaceRecognitionError: an input or a parameter is invalid.
     """
     measured = read_displacements(arguments.input / 'displacements.csv')
-    dataset = open_dataset(arguments.input, None, Options())
+    dataset = open_dataset(arguments.input)
     params = from_arguments(arguments).replace(**dataset.overrides)
     if params.displacements_x == params.displacements_y == 1:
         raise PlaceRecognitionError(

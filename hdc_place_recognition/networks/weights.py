@@ -102,7 +102,7 @@ def read_state(content: bytes) -> State:
         state = _load(stream, storages)
         for key in _load(stream):
             _fill(storages[key], stream)
-    except Exception as error:  # Damaged pickles raise whatever they like.
+    except Exception as error:  # damaged pickles raise many types of exceptions
         raise PlaceRecognitionError(
             f'weights are refused ({type(error).__name__}: {error}): {NEEDS_NO_WEIGHTS}'
         ) from error

@@ -123,7 +123,7 @@ def test_damaged_bag_is_one_line(tmp_path, plugin, how, bare):
     assert '\n' not in str(caught.value)
 
 
-def test_pages_damaged_in_the_middle_are_one_line(tmp_path):
+def test_damaged_pages_in_the_middle_give_one_line(tmp_path):
     bag = images_bag(tmp_path / 'bag', [n * S for n in range(1, 500)])
     (file,) = bag.glob('*.db3')
     data = bytearray(file.read_bytes())
@@ -173,7 +173,7 @@ BAD_MESSAGES = [
 
 
 @pytest.mark.parametrize('bad, reason, lost', BAD_MESSAGES)
-def test_bad_message_names_itself_and_the_remedy(tmp_path, bad, reason, lost):
+def test_bad_message_error_has_number_and_remedy(tmp_path, bad, reason, lost):
     bag = write_bag(
         tmp_path / 'bag', [(CAMERA, image(START)), (CAMERA, bad), (CAMERA, image(START + S))]
     )
@@ -238,7 +238,7 @@ def test_no_finite_pose(tmp_path):
         bags.read_poses(bag, '/odom')
 
 
-def test_bad_pose_message_names_itself(tmp_path):
+def test_bad_pose_message_error_has_the_number(tmp_path):
     with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         connection = writer.add_connection('/odom', odometry(1, 0.0).__msgtype__, typestore=STORE)
         writer.write(connection, 1, b'\x00\x01\x00\x00')

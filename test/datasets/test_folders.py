@@ -67,7 +67,7 @@ def test_image_that_does_not_decode_is_named(tmp_path, content):
 def test_no_images(tmp_path):
     (tmp_path / 'images').mkdir()
     with pytest.raises(PlaceRecognitionError, match=r'images holds no \.jpg'):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 def test_poses_by_index_of_the_image(tmp_path):
@@ -94,7 +94,7 @@ def test_bad_poses_name_the_line(tmp_path, text):
 def test_min_gap_sets_the_minimum_age_of_candidates(tmp_path):
     write_images(tmp_path / 'images', 3)
     write_gt(tmp_path, 3, 3, min_gap=2)
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert dataset.mode is Mode.SEQUENCE
     assert dataset.name == tmp_path.name
     assert dataset.overrides == {
@@ -110,14 +110,14 @@ def test_min_gap_sets_the_minimum_age_of_candidates(tmp_path):
 def test_retrieval(tmp_path):
     write_images(tmp_path / 'images', 3)
     write_gt(tmp_path, 3, 3, min_gap=-1)
-    assert open_dataset(tmp_path, None, Options()).mode is Mode.RETRIEVAL
+    assert open_dataset(tmp_path).mode is Mode.RETRIEVAL
 
 
 def test_two_traverses_in_one_folder(tmp_path):
     write_images(tmp_path / 'images' / 'ref', 3)
     write_images(tmp_path / 'images' / 'query', 2)
     write_gt(tmp_path, 2, 3, min_gap=-1)
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert dataset.mode is Mode.TRAVERSES
     assert (len(dataset.queries), len(dataset.reference)) == (2, 3)
     truth = dataset.ground_truth.truth(dataset.queries.stamps_ns, dataset.reference.stamps_ns)
@@ -131,13 +131,13 @@ def test_transposed_ground_truth(tmp_path):
     with pytest.raises(
         PlaceRecognitionError, match=r'shape \(3, 2\), but the images are \(2, 3\)'
     ):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 def test_reference_without_queries(tmp_path):
     write_images(tmp_path / 'images' / 'ref', 3)
     with pytest.raises(PlaceRecognitionError, match=r'images holds no \.jpg'):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 def test_two_folders(tmp_path):
@@ -157,7 +157,7 @@ def test_two_folders(tmp_path):
 def test_poses_are_ground_truth_where_there_is_no_matrix(tmp_path):
     write_images(tmp_path / 'images', 2)
     (tmp_path / 'poses.csv').write_text(POSES + '0,0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,0,1\n')
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert isinstance(dataset.ground_truth, PoseTruth)
     assert dataset.ground_truth.view_axis == 'z'
     assert 'poses within 5 m and 45 deg' in dataset.ground_truth.summary
@@ -167,24 +167,24 @@ def test_poses_are_ground_truth_where_there_is_no_matrix(tmp_path):
         'exact': True,
     }
     write_gt(tmp_path, 2, 2, min_gap=0)
-    assert isinstance(open_dataset(tmp_path, None, Options()).ground_truth, MatrixTruth)
+    assert isinstance(open_dataset(tmp_path).ground_truth, MatrixTruth)
 
 
 def test_without_ground_truth(tmp_path):
     write_images(tmp_path / 'images', 2)
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert dataset.mode is Mode.SEQUENCE
     assert dataset.ground_truth is None
 
 
 def test_missing_input(tmp_path):
     with pytest.raises(PlaceRecognitionError, match='nowhere does not exist'):
-        open_dataset(tmp_path / 'nowhere', None, Options())
+        open_dataset(tmp_path / 'nowhere')
 
 
 def test_neither_bag_nor_images(tmp_path):
     with pytest.raises(PlaceRecognitionError, match=r'neither a folder of images.*nor a bag'):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -201,4 +201,4 @@ def test_a_development_set_opens(shared_data, name, mode):
     folder = shared_data / name
     if not folder.is_dir():
         pytest.skip(f'no {folder}')
-    assert open_dataset(folder, None, Options()).mode is mode
+    assert open_dataset(folder).mode is mode

@@ -90,7 +90,7 @@ def test_sequence_is_causal():
     assert longer.detections[:n] == shorter.detections
 
 
-def test_evaluation_is_the_recognizer_itself():
+def test_evaluation_equals_online_processing():
     places = (0, 1, 2, 3, 4, 0, 1)
     online = recognizer()
     detections = [online.process(frame.stamp_ns, frame.image) for frame in Places(places)]
@@ -100,7 +100,7 @@ def test_evaluation_is_the_recognizer_itself():
         np.testing.assert_array_equal(offline.similarities, node.similarities)
 
 
-def test_image_without_features_is_never_found_and_finds_nothing():
+def test_an_image_without_features_counts_for_recall():
     result = evaluate(sequence((0, BLANK, 2, 3, 4, BLANK, 2)), recognizer())
     matrix, run_log = result.run_log.similarity_matrix(), result.run_log
     assert run_log.keyframe_ids.tolist() == [0, -1, 1, 2, 3, -1, 4]
@@ -165,7 +165,7 @@ def test_queries_do_not_depend_on_each_other():
     )
 
 
-def test_sequence_of_queries_does_not_continue_the_reference():
+def test_sequences_of_queries_do_not_include_reference_images():
     changes = {'sequence_length': 3, 'center_database': False}
     result = evaluate(traverses((5,), (0, 1, 2, 3)), recognizer(**changes))
     # The first query is a sequence of one image, like the first image of a new recognizer.

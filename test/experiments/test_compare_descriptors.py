@@ -7,7 +7,7 @@ import csv
 from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.cli.experiments import main
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.evaluate import evaluate
 from hdc_place_recognition.experiments import runs
@@ -90,7 +90,7 @@ def write(folder, images):
 
 
 def plan(folder, variants=PAIR, seeds=(0, 1), base=SMALL):
-    return Plan([open_dataset(folder, None, Options())], variants, seeds, base)
+    return Plan([open_dataset(folder)], variants, seeds, base)
 
 
 def test_every_variant_changes_the_default():
@@ -150,7 +150,7 @@ def test_features_beyond_the_capacity_are_extracted_again():
 
 
 def test_images_in_memory_are_the_same(loop):
-    dataset = open_dataset(loop, None, Options())
+    dataset = open_dataset(loop)
     loaded = load_into_memory(dataset)
     assert isinstance(loaded.queries, list)
     for frame, copy in zip(dataset.queries, loaded.queries, strict=True):
@@ -171,7 +171,7 @@ def test_results_equal_single_evaluations(loop, counted):
     for run in runs:
         dimensions = {'default': 256, 'smaller': 128}[run.variant]
         params = SMALL.replace(dimensions=dimensions, seed=run.seed)
-        dataset = open_dataset(loop, None, Options())
+        dataset = open_dataset(loop)
         params = params.replace(**dataset.overrides)
         ranking = evaluate(dataset, PlaceRecognizer(params, CellExtractor())).scores.ranking
         assert (run.average_precision, run.recall_at_1) == (
@@ -346,8 +346,8 @@ def test_bad_parameters_of_shift(shifted, capsys, arguments, message):
 
 def test_shifts_need_two_traverses_with_all_places(shifted, loop):
     recognizer = PlaceRecognizer(SMALL, CellExtractor())
-    dataset = open_dataset(shifted, None, Options())
+    dataset = open_dataset(shifted)
     with pytest.raises(PlaceRecognitionError, match='has places 0 to 6, the images are 0 to 5'):
         estimate(dataset, {0: (0, 0), 6: (0, 0)}, recognizer)
     with pytest.raises(PlaceRecognitionError, match='loop: needs images/ref'):
-        estimate(open_dataset(loop, None, Options()), {0: (0, 0), 1: (0, 0)}, recognizer)
+        estimate(open_dataset(loop), {0: (0, 0), 1: (0, 0)}, recognizer)

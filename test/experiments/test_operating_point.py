@@ -3,7 +3,7 @@
 """The experiment `trust`, and score against similarity as a ranking."""
 
 from hdc_place_recognition.cli import experiments
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.evaluation.evaluate import evaluate
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import create_recognizer
@@ -30,7 +30,7 @@ def test_table_of_a_sequence_and_its_reverse(shared_data, capsys):
 
 
 def test_score_ranks_best_matches_better_than_similarity(shared_data):
-    dataset = open_dataset(shared_data / 'rtabmap_corridor_2laps', None, Options())
+    dataset = open_dataset(shared_data / 'rtabmap_corridor_2laps')
     params = Params(extractor='gradient_grid', dimensions=1024).replace(**dataset.overrides)
     verified = evaluate(dataset, create_recognizer(params)).scores
     unverified = evaluate(dataset, create_recognizer(params.replace(verify=False))).scores
