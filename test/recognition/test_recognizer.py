@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The recogniser as the node and the offline tools use it."""
+"""The recognizer as the node and the offline tools use it."""
 
 from conftest import CellExtractor, texture
 import cv2
@@ -105,7 +105,7 @@ def test_blank_image_is_answered_and_not_stored():
 @pytest.mark.parametrize(
     'image', [texture(1), texture(1).astype(np.uint16) * 257, np.dstack([texture(1)] * 3)]
 )
-def test_grey_16_bit_and_colour_are_the_same_place(image):
+def test_gray_16_bit_and_color_are_the_same_place(image):
     one = recognizer()
     drive(list(range(8)), one)
     assert one.process(Frame(9 * S, image)).candidates[0].match_id == 1

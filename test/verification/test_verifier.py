@@ -72,7 +72,7 @@ def there_and_back() -> tuple[list[int], list[Detection]]:
     return path, drive(street(path), recognizer())
 
 
-def test_the_way_back_is_recognised(there_and_back):
+def test_the_way_back_is_recognized(there_and_back):
     path, detections = there_and_back
     off = closures(detections, path)
     # Whatever SIFT a version of OpenCV has: two fifths of the views are the same.
