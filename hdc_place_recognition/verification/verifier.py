@@ -106,9 +106,9 @@ class CandidateVerifier:
         """Return the strength of the best match, less what its lead over a rival lacks."""
         strength, clear = best.evidence.strength, self.settings.clear_lead
         leads = [
-            strength - other.evidence.strength
-            for other in hypotheses
-            if self._apart(other, best) > self.settings.elsewhere
+            strength - rival.evidence.strength
+            for rival in hypotheses
+            if self._apart(rival, best) > self.settings.elsewhere
         ]
         return strength - max(clear - min(leads, default=clear), 0.0)
 

@@ -203,8 +203,8 @@ class Reference:
         windows = np.lib.stride_tricks.sliding_window_view(
             np.pad(x, [(0, 0), *pads]), (k, k), (1, 2)
         )[:, ::stride, ::stride]
-        each = 'chwij,cdij->chw' if kernel.shape[1] == 1 else 'chwij,dcij->dhw'
-        y = np.einsum(each, windows, kernel, optimize=True)
+        picture = 'chwij,cdij->chw' if kernel.shape[1] == 1 else 'chwij,dcij->dhw'
+        y = np.einsum(picture, windows, kernel, optimize=True)
         return gain * (y - mean) / np.sqrt(variance + 1e-3) + offset
 
 
@@ -315,7 +315,7 @@ def test_a_feature_belongs_to_its_cell(extractor):
     changed = image.copy()
     changed[100:108, 200:208] = 255
     image[0, 0] = changed[0, 0] = 0
-    before, after = (extractor.extract(each) for each in (image, changed))
+    before, after = (extractor.extract(picture) for picture in (image, changed))
     change = np.linalg.norm(after.descriptors - before.descriptors, axis=1)
     assert np.abs(after.keypoints[change.argmax()] - [203.5, 103.5]).max() < 32
 
