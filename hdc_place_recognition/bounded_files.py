@@ -40,7 +40,7 @@ def read_bounded(path: Path, limit: int, what: str) -> bytes:
             content = file.read(limit + 1) if status.st_size <= limit else b''
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, 'strerror', None) or error
-        raise PlaceRecognitionError(f'{what} {path} cannot be read: {reason}') from error
+        raise PlaceRecognitionError(f'{what} {path} cannot be read ({reason})') from error
     if status.st_size > limit or len(content) > limit:
         raise PlaceRecognitionError(
             f'{what} {path} has {max(status.st_size, len(content))} bytes, more than the limit of '
