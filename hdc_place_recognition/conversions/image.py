@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeAlias
 import cv2
 from hdc_place_recognition.conversions import jpeg
 from hdc_place_recognition.conversions.image_encodings import Encoding, ENCODINGS, Plane
-from hdc_place_recognition.conversions.image_size import claimed_size
+from hdc_place_recognition.conversions.image_size import claimed_size, png_end, PNG_MAGIC
 from hdc_place_recognition.conversions.pixels import as_uint8, ValueRange
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params
@@ -204,6 +204,8 @@ def _decoded(data: bytes, oriented: bool) -> NDArray[Any] | None:
         # Completeness is checked by the last block, before the image is turned.
         stored = jpeg.decode_whole(data, lambda part: _opencv(part, flags | _NOT_ORIENTED))
         return _opencv(data, flags) if oriented and stored is not None else stored
+    if data.startswith(PNG_MAGIC):
+        data = data[: png_end(data)]
     return _opencv(data, flags if oriented else flags | _NOT_ORIENTED)
 
 

@@ -11,6 +11,7 @@ import struct
 from hdc_place_recognition.conversions.jpeg import frame_header
 
 Size = tuple[int, int]  # width, height
+PNG_MAGIC = b'\x89PNG\r\n\x1a\n'
 # Suffixes of the files whose header is understood here; OpenCV decodes all of them.
 SUFFIXES = (
     *('.bmp', '.dib', '.gif', '.jp2', '.jpe', '.jpeg', '.jpg', '.pam', '.pbm', '.pgm', '.png'),
@@ -34,6 +35,21 @@ def claimed_size(data: bytes) -> Size | None:
             except (struct.error, ValueError, KeyError, IndexError):
                 return None
     return None
+
+
+def png_end(data: bytes) -> int:
+    """
+    Return the end of a PNG image; OpenCV 5 allocates what a chunk claims, up to 2 GB.
+
+    :return: 0 if a chunk claims more bytes than there are, or the last chunk is missing.
+    """
+    position = len(PNG_MAGIC)
+    while position + 12 <= len(data):
+        length, name = struct.unpack_from('>I4s', data, position)
+        position += 12 + length
+        if name == b'IEND' and position <= len(data):
+            return position
+    return 0
 
 
 def _png(data: bytes) -> Size:
@@ -107,7 +123,7 @@ def _tiff(data: bytes) -> Size:
 
 _FORMATS: tuple[tuple[bytes, int, Callable[[bytes], Size]], ...] = (
     (b'\xff\xd8\xff', 0, lambda data: frame_header(data)[:2]),
-    (b'\x89PNG\r\n\x1a\n', 0, _png),
+    (PNG_MAGIC, 0, _png),
     (b'WEBP', 8, _webp),
     (b'BM', 0, _bmp),
     (b'II*\0', 0, _tiff),

@@ -3,6 +3,7 @@
 """Compressed images: incomplete, with bytes behind their end, of any format, too large."""
 
 import struct
+from time import perf_counter
 from types import SimpleNamespace
 import zlib
 
@@ -151,3 +152,14 @@ def test_a_converter_keeps_the_brightness_of_a_12_bit_camera():
     converter = ImageConverter()
     assert converter.convert(message(bright)).max() == 255
     assert converter.convert(message(bright // 4)).max() == 63
+
+
+@pytest.mark.parametrize('length', [2**31 - 1, 2**24, 2**13])
+def test_a_png_chunk_that_claims_more_than_there_is(length):
+    data = bytearray(cv2.imencode('.png', picture()[:8, :8])[1].tobytes())
+    at = data.index(b'IDAT') - 4
+    data[at : at + 4] = struct.pack('>I', length)
+    start = perf_counter()
+    with pytest.raises(PlaceRecognitionError, match='cannot be decoded'):
+        decoded(bytes(data))
+    assert perf_counter() - start < 0.5

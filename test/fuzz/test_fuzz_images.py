@@ -38,7 +38,7 @@ def test_raw_image(target, **fields):
     is_bigendian=st.booleans(),
     data=st.binary(min_size=600, max_size=600),
 )
-def test_raw_image_that_fits(target, encoding, height, width, padding, is_bigendian, data):
+def test_fitting_raw_image(target, encoding, height, width, padding, is_bigendian, data):
     message = Fields(
         encoding=encoding,
         height=height,
