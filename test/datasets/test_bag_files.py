@@ -286,3 +286,10 @@ def test_a_bag_is_closed_when_the_reader_stops_early(tmp_path):
     next(reader)
     reader.close()
     assert stamps(bag) == STAMPS
+
+
+def test_a_topic_with_a_line_break_in_its_name_is_one_line(tmp_path):
+    records = [schema(1, IMAGE), channel(1, 1, '/a\nb'), channel(2, 1, '/c\r')]
+    with pytest.raises(PlaceRecognitionError, match=r'use --topic /a b \| --topic /c') as caught:
+        bags.BagImages.from_bag(mcap(tmp_path / 'drive.mcap', records))
+    assert len(str(caught.value).splitlines()) == 1
