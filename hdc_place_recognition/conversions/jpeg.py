@@ -100,7 +100,7 @@ def _segments(data: bytes) -> Iterator[_Segment]:
     while True:
         found = data.find(b'\xff', position)
         position = found + 1
-        while found >= 0 and data[position : position + 1] == b'\xff':  # fill bytes
+        while found >= 0 and data.startswith(b'\xff', position):  # fill bytes
             position += 1
         if found < 0 or position >= len(data):
             raise ValueError('cut short')

@@ -194,7 +194,9 @@ def _decompressed(record: bytes) -> bytes:
     fields = _Fields(record, 28)
     compression = fields.text()
     (length,) = struct.unpack_from('<Q', record, fields.position)
-    packed = record[fields.position + 8 : fields.position + 8 + length]
+    start = fields.position + 8
+    end = start + length
+    packed = record[start:end]
     content = _unpack(packed, compression, size)
     if len(content) != size or (checksum and zlib.crc32(content) != checksum):
         raise ValueError('a chunk is damaged: wrong size or checksum')
@@ -222,8 +224,9 @@ def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
         position += _HEAD.size
         if position + length > len(content):
             raise ValueError('a record is cut short')
-        yield kind, content[position : position + length]
-        position += length
+        end = position + length
+        yield kind, content[position:end]
+        position = end
 
 
 class _Fields:
@@ -236,10 +239,11 @@ class _Fields:
         """Return the next block of bytes."""
         (length,) = struct.unpack_from('<I', self._record, self.position)
         start = self.position + 4
-        self.position = start + length
-        if self.position > len(self._record):
+        end = start + length
+        if end > len(self._record):
             raise ValueError('a field is cut short')
-        return self._record[start : self.position]
+        self.position = end
+        return self._record[start:end]
 
     def text(self) -> str:
         """Return the next text; bytes that are not UTF-8 are replaced."""

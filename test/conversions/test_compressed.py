@@ -48,12 +48,13 @@ def test_bytes_behind_the_end_of_a_jpeg(channels, options, behind):
 def test_a_jpeg_with_a_missing_part_is_refused(channels, options):
     data = jpeg(picture(channels), options)
     third = len(data) // 3
+    two, later = 2 * third, 2 * third + 600
     for cut in (
         data[:third] + END,
-        data[: 2 * third] + END,
+        data[:two] + END,
         data[:-600] + END,
-        data[:third] + data[2 * third :],
-        data[: 2 * third] + data[2 * third + 600 :],
+        data[:third] + data[two:],
+        data[:two] + data[later:],
     ):
         with pytest.raises(PlaceRecognitionError, match='it is cut short, damaged'):
             decoded(cut)
@@ -108,8 +109,9 @@ def png_header(width, height):
 def jpeg_header(width, height):
     """Return a small JPEG file that claims a size."""
     data = jpeg(picture())
-    frame = data.index(b'\xff\xc0')
-    return data[: frame + 5] + struct.pack('>HH', height, width) + data[frame + 9 :]
+    start = data.index(b'\xff\xc0') + 5
+    end = start + 4
+    return data[:start] + struct.pack('>HH', height, width) + data[end:]
 
 
 @pytest.mark.parametrize('header', [png_header, jpeg_header])
@@ -157,8 +159,9 @@ def test_a_converter_keeps_the_brightness_of_a_12_bit_camera():
 @pytest.mark.parametrize('length', [2**31 - 1, 2**24, 2**13])
 def test_a_png_chunk_that_claims_more_than_there_is(length):
     data = bytearray(cv2.imencode('.png', picture()[:8, :8])[1].tobytes())
-    at = data.index(b'IDAT') - 4
-    data[at : at + 4] = struct.pack('>I', length)
+    end = data.index(b'IDAT')
+    start = end - 4
+    data[start:end] = struct.pack('>I', length)
     start = perf_counter()
     with pytest.raises(PlaceRecognitionError, match='cannot be decoded'):
         decoded(bytes(data))

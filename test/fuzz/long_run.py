@@ -56,17 +56,17 @@ def mutated(rng: random.Random, seeds: list[bytes]) -> bytes:
     data = bytearray(rng.choice(seeds))
     for _ in range(rng.choice((0, 1, 1, 2, 4, 8))):
         at, kind = rng.randrange(len(data) + 1), rng.randrange(7)
+        end, eight = at + rng.randrange(64), at + 8
         if kind < 2 and at < len(data):
             data[at] = rng.randrange(256) if kind else data[at] ^ 1 << rng.randrange(8)
         elif kind == 2:
-            data[at : at + 8] = rng.choice(NUMBERS)
+            data[at:eight] = rng.choice(NUMBERS)
         elif kind == 3:
             data[at:at] = rng.choice(TOKENS)
         elif kind == 4:
-            del data[at : at + rng.randrange(64)]
+            del data[at:end]
         elif kind == 5:
-            start = rng.randrange(len(data) + 1)
-            data[at:at] = data[start : start + rng.randrange(64)]
+            data[at:at] = data[at:end] or data[:end]
         elif rng.random() < 0.3:
             del data[at:]
     return bytes(data)
