@@ -13,6 +13,7 @@ import tempfile
 import zipfile
 
 from bag_messages import CAMERA, image, odometry, S, START, STORE1, write_bag
+import fuzz_target
 from hdc_place_recognition.datasets import bags
 from hdc_place_recognition.datasets.bag_files import open_bag
 from hdc_place_recognition.datasets.folders import has_yaw, read_poses
@@ -28,6 +29,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 from test_fuzz_images import damaged
+
+target_fixture = fuzz_target.target_fixture
 
 
 @pytest.fixture(scope='module')

@@ -5,6 +5,7 @@
 from types import SimpleNamespace as Fields
 
 import cv2
+import fuzz_target
 from hdc_place_recognition.conversions.camera_info import camera_from_message
 from hdc_place_recognition.conversions.image import ImageConverter, SUPPORTED_ENCODINGS
 from hdc_place_recognition.conversions.poses import PoseConverter
@@ -13,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 
+target_fixture = fuzz_target.target_fixture
 MAX_PIXELS = 10_000_000
 SIZES = st.one_of(st.integers(0, 9), st.integers(0, 2**32 - 1))
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)

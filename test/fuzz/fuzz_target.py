@@ -12,26 +12,27 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 import os
 import resource
+import sys
 from time import perf_counter
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hypothesis import HealthCheck, settings
 import pytest
 
+# `colcon test` runs with the packages of the robot.
+hypothesis = pytest.importorskip('hypothesis')
 EXAMPLES = int(os.environ.get('HDC_FUZZ_EXAMPLES', '0'))
 _SLOWEST_S = 2.0
-_REPORTS: list[str] = []
 
-settings.register_profile(
+hypothesis.settings.register_profile(
     'fuzz',
     deadline=None,
     derandomize=not EXAMPLES,
     database=None,
     max_examples=EXAMPLES or 40,
-    suppress_health_check=list(HealthCheck),
+    suppress_health_check=list(hypothesis.HealthCheck),
 )
-settings.load_profile('fuzz')
+hypothesis.settings.load_profile('fuzz')
 
 
 @dataclass
@@ -63,21 +64,17 @@ class Target:
             assert took < _SLOWEST_S
 
 
-@pytest.fixture
-def target(request: pytest.FixtureRequest) -> Iterator[Target]:
-    """Count the inputs of a test; the memory is the largest of the process so far."""
+@pytest.fixture(name='target')
+def target_fixture(request: pytest.FixtureRequest) -> Iterator[Target]:
+    """Count the inputs of a test; a longer run prints them, with the peak of the memory so far."""
     counted = Target()
     yield counted
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    _REPORTS.append(
-        f'| {request.node.name} | {counted.inputs} | {counted.refused} '
-        f'| {1000 * counted.slowest_s:.0f} ms | {peak_mb:.0f} MB |'
-    )
-
-
-def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Print the table of a longer run."""
-    if EXAMPLES and _REPORTS:
-        terminalreporter.write_line('| target | inputs | refused | slowest | peak memory |')
-        for line in _REPORTS:
-            terminalreporter.write_line(line)
+    if EXAMPLES:
+        peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        with request.config.pluginmanager.getplugin(
+            'capturemanager'
+        ).global_and_fixture_disabled():
+            sys.stdout.write(
+                f'\n| {request.node.name} | {counted.inputs} inputs | {counted.refused} refused '
+                f'| {1000 * counted.slowest_s:.0f} ms | {peak_mb:.0f} MB |\n'
+            )
