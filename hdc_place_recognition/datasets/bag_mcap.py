@@ -25,16 +25,24 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
 _CHUNK_INDEX, _STATISTICS, _DATA_END = 0x08, 0x0B, 0x0F
 _HEAD = struct.Struct('<BQ')
 _FOOTER_BODY = struct.Struct('<QQI')
+_MESSAGE_HEAD = struct.Struct('<HIQQ')  # 22 bytes
 _END_BYTES = _HEAD.size + _FOOTER_BODY.size + len(MAGIC)
 _LARGEST_INDEX = 2**28
 
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Entry of the index: position of the chunk record, and the channels in it."""
+    """
+    Entry of the index.
+
+    :param position: of the chunk record.
+    :param size: of its content without compression, bytes.
+    :param channels: that have messages in it.
+    """
 
     start_time: int
     position: int
+    size: int
     channels: frozenset[int]
 
 
@@ -108,6 +116,9 @@ class McapStorage:
         if checksum and zlib.crc32(index + end[: _HEAD.size + 16]) != checksum:
             raise ValueError('its index is damaged: wrong checksum')
         counts = self._parse_index(index)
+        room = self._end + sum(min(chunk.size, LARGEST_BYTES) for chunk in self._chunks)
+        if sum(counts.values()) * (_HEAD.size + _MESSAGE_HEAD.size) > room:
+            raise ValueError('its index announces more messages than the file can hold')
         return counts if set(counts) <= set(self._channels) else {}
 
     def _parse_index(self, index: bytes) -> dict[int, int]:
@@ -175,15 +186,19 @@ class McapStorage:
 
 def _wanted(record: bytes, keys: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
     """Yield time, channel and data of a message record, if its channel is wanted."""
-    key, _, stamp, _ = struct.unpack_from('<HIQQ', record)
+    key, _, stamp, _ = _MESSAGE_HEAD.unpack_from(record)
     if keys is None or key in keys:
         yield stamp, key, record[22:]
 
 
 def _chunk(record: bytes) -> _Chunk:
     start_time, _, position, _ = struct.unpack_from('<QQQQ', record)
-    channels = frozenset(key for key, _ in struct.iter_unpack('<HQ', _Fields(record, 32).block()))
-    return _Chunk(start_time, position, channels)
+    fields = _Fields(record, 32)
+    channels = frozenset(key for key, _ in struct.iter_unpack('<HQ', fields.block()))
+    fields.position += 8
+    fields.text()
+    _, size = struct.unpack_from('<QQ', record, fields.position)
+    return _Chunk(start_time, position, size, channels)
 
 
 def _decompressed(record: bytes) -> bytes:

@@ -224,6 +224,16 @@ def test_an_index_that_announces_another_count(tmp_path):
         stamps(file)
 
 
+def test_an_index_that_announces_more_than_the_file_can_hold(tmp_path):
+    file = storage_file(images_bag(tmp_path / 'bag', STAMPS, StoragePlugin.MCAP))
+    changed = bytearray(file.read_bytes())
+    counts = changed.rindex(b'\x0b' + (56).to_bytes(8, 'little')) + 9 + 46
+    changed[counts + 9] = 0x3F  # 2 ** 62 messages
+    file.write_bytes(changed)
+    with pytest.raises(PlaceRecognitionError, match='more messages than the file can hold'):
+        stamps(file)
+
+
 def test_a_damaged_database_index_is_not_silent(tmp_path):
     bag = images_bag(tmp_path / 'bag', STAMPS)
     with sqlite3.connect(storage_file(bag)) as database:
