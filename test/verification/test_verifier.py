@@ -183,5 +183,5 @@ def test_memory_of_a_keyframe():
         recognizer.database.get(found).keypoints.nbytes for found in recognizer.database.ids
     )
     room = database.nbytes - held
-    assert held <= 4 * (300 * 134 + 640)
+    assert held <= 4 * (300 * 70 + 640)
     assert held / 4 + room / 64 <= 60_000
