@@ -242,7 +242,7 @@ class Params:
     verify: bool = param(True, 'Verify candidates by the geometry of matched keypoints.')
     verify_features: int = param(
         300,
-        'Maximum number of keypoints stored per image for verification, 134 bytes each.',
+        'Maximum number of keypoints stored per image for verification, 70 bytes each.',
         low=8,
         high=10000,
     )
@@ -255,6 +255,21 @@ class Params:
         'closures.',
         low=0.0,
         high=1.0,
+        live=True,
+    )
+    allow_appearance_closures: bool = param(
+        True,
+        'Accept loop closures with another traverse by the appearance of successive images alone, '
+        'where no keypoints agree, as between seasons. Needs a network extractor.',
+        live=True,
+    )
+    appearance_gap_s: float = param(
+        3600.0,
+        'Age from which keyframes of the same traverse count as another visit for '
+        'allow_appearance_closures.',
+        unit='s',
+        low=0.0,
+        high=1e9,
         live=True,
     )
     keyframe_similarity: float = param(

@@ -23,7 +23,8 @@ from hdc_place_recognition.recognition.image_encoder import EncodedImage, ImageE
 from hdc_place_recognition.recognition.stopwatch import Stopwatch
 from hdc_place_recognition.recognition.traverse import Traverse
 from hdc_place_recognition.results import Candidate, Detection, Frame, Status
-from hdc_place_recognition.verification.verifier import CandidateVerifier
+from hdc_place_recognition.verification.verifier import CandidateVerifier, PROPOSED
+import numpy as np
 from numpy.typing import NDArray
 
 _DEFAULT_CAMERA = Frame.camera
@@ -111,6 +112,7 @@ class PlaceRecognizer:
         candidates = self._verify(query, result, traverse, params, watch)
         # 5 Store the image if it is a new keyframe.
         added, not_stored = self._store(query, traverse, result, watch)
+        self._note(query, traverse, candidates, added)
         return _detection(query, encoded.n_features, result, candidates, watch, added, not_stored)
 
     def encode(self, image: NDArray[Any]) -> Hypervector:
@@ -139,7 +141,7 @@ class PlaceRecognizer:
         before = self._traverses.get(camera)
         traverse = self._new_traverse(camera)
         if before is not None:
-            traverse.camera, traverse.odometry = before.camera, before.odometry
+            traverse.continue_camera(before)
         return traverse
 
     def warm_up(self, width: int, height: int) -> None:
@@ -181,11 +183,19 @@ class PlaceRecognizer:
         traverse, query = self.traverse(observation.camera), observation.query
         if query.empty or not query.moved:
             return Added()
-        return self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+        added = self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+        self._note(query, traverse, (), added)
+        return added
 
     def _new_traverse(self, camera: str) -> Traverse:
         clock_ns = max((known.filter.clock_ns for known in self._traverses.values()), default=0)
-        traverse = Traverse(self._traverse_count, self.params, self._verifier.settings, clock_ns)
+        traverse = Traverse(
+            self._traverse_count,
+            self.params,
+            self._verifier.settings,
+            self._encoder.hasher,
+            clock_ns,
+        )
         self._traverses[camera] = traverse
         self._traverse_count += 1
         return traverse
@@ -200,11 +210,8 @@ class PlaceRecognizer:
     ) -> Query:
         """Return the query of an image in its traverse; update the mean if the robot moved."""
         with watch.stage('encode'):
-            vectors = traverse.sequence.push(encoded.vectors)
-        pose = traverse.odometry(stamp_ns)
-        moved = traverse.keyframes.moved(vectors[len(vectors) // 2], pose, params)
-        query = Query(stamp_ns, vectors, encoded.keypoints, moved)
-        if moved and not query.empty:
+            query = traverse.query(stamp_ns, encoded, params)
+        if query.moved and not query.empty:
             with watch.stage('query'):
                 self.database.update_mean(query)
         return query
@@ -222,7 +229,7 @@ class PlaceRecognizer:
         with watch.stage('query'):
             return self.database.search(
                 query,
-                max(params.top_k, params.verify_top_k),
+                max(params.top_k, params.verify_top_k, PROPOSED),
                 before_ns=before_ns,
                 skip_newest=skip_newest,
                 without=without,
@@ -239,8 +246,18 @@ class PlaceRecognizer:
     ) -> tuple[Candidate, ...]:
         if query.empty:
             return ()
+        other_visits = self._other_visits(query, traverse, params)
         with watch.stage('query' if query.keypoints is None else 'verify'):
-            return self._verifier.verify(query, result, traverse.temporal, traverse.camera, params)
+            return self._verifier.verify(
+                query, result, traverse.verification, traverse.camera, params, other_visits
+            )
+
+    def _other_visits(self, query: Query, traverse: Traverse, params: Params) -> NDArray[np.int64]:
+        """Return the keyframes that appearance alone may match: of another session, or old."""
+        if query.cells is None or not params.allow_appearance_closures:
+            return np.empty(0, np.int64)
+        before_ns = traverse.filter.clock_ns - nanoseconds(params.appearance_gap_s)
+        return self.database.other_visits(traverse.number, before_ns)
 
     def _store(
         self, query: Query, traverse: Traverse, result: SearchResult, watch: Stopwatch
@@ -256,6 +273,22 @@ class PlaceRecognizer:
             except PlaceRecognitionError as error:
                 return Added(), str(error)
 
+    def _note(
+        self,
+        query: Query,
+        traverse: Traverse,
+        candidates: tuple[Candidate, ...],
+        added: Added,
+    ) -> None:
+        """Remember what a new keyframe shows, and forget evicted ones."""
+        best = next((found.match_id for found in candidates if found.accepted), None)
+        if added.keyframe_id is not None:
+            self._verifier.note_keyframe(query, added.keyframe_id, best, traverse.verification)
+            if best is None:
+                traverse.count_static()
+        for keyframe_id in added.evicted:
+            self._verifier.links.evict(keyframe_id)
+
 
 def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = None) -> Keyframe:
     return Keyframe(
@@ -263,6 +296,8 @@ def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = Non
         clock_ns=clock_ns,
         vector=query.unshifted,
         keypoints=query.keypoints,
+        words=query.words,
+        cells=query.cells,
         traverse=traverse,
         twin=twin,
     )
