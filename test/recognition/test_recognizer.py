@@ -4,6 +4,8 @@
 
 from conftest import CellExtractor, texture
 import cv2
+from hdc_place_recognition.camera import Camera
+from hdc_place_recognition.database.base import Added
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import (
@@ -282,3 +284,22 @@ def test_features_without_a_calibration_are_named_once(caplog):
     drive([0, 1, 2])
     (line,) = [record.getMessage() for record in caplog.records]
     assert line.startswith('the score is not calibrated for the features "cells"')
+
+
+def test_another_traverse_of_a_camera_keeps_its_calibration_and_odometry():
+    one, camera = recognizer(), Camera(np.eye(3), np.zeros(5), False, 0.75)
+    before = one.traverse('left')
+    before.camera, before.odometry = camera, lambda stamp_ns: None
+    after = one.start_traverse('left')
+    assert after is not before and (before.number, after.number) == (0, 1)
+    assert after.camera is camera and after.odometry is before.odometry
+    other = one.start_traverse('right')
+    assert other.number == 2 and other.camera is None
+
+
+@pytest.mark.parametrize('image', [texture(0), np.zeros((48, 64), np.uint8)])
+def test_what_is_not_new_or_has_no_features_is_not_stored(image):
+    one = recognizer()
+    assert one.store(one.observe(Frame(0, texture(0)))) == Added(0)
+    assert one.store(one.observe(Frame(S, image))) == Added()
+    assert len(one.database) == 1
