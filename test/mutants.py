@@ -206,8 +206,8 @@ class MutantFinder(ast.NodeVisitor):
         if type(operator) not in OPERATORS:
             return
         old, texts = OPERATORS[type(operator)]
-        end = self._end(left)
-        between = self._source[end : self._start(right)].decode()
+        end, start = self._end(left), self._start(right)
+        between = self._source[end:start].decode()
         found = re.search(re.escape(old).replace(r'\ ', r'\s+'), between)
         if found:
             self._add(end + found.start(), end + found.end(), *texts)
