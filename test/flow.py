@@ -3,7 +3,7 @@
 """
 Print how one image flows through the files of the package.
 
-    .venv/bin/python test/flow.py
+    .venv/bin/python test/flow.py [--extractor gradient_grid]
 
 Prints the rooms with their files and lines, the longest chain of imports, and, for one image that
 closes a loop, the files that it touches and the calls that cross from one file to another. The
@@ -12,6 +12,7 @@ image is processed by the recognizer alone and, if ROS is installed, by the node
 
 from __future__ import annotations
 
+import argparse
 import ast
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -33,7 +34,7 @@ S = 1_000_000_000
 # Views of a drive, and how many of them are seen again before the image that is counted.
 VIEWS, SEEN_AGAIN = 30, 5
 WIDTH, HEIGHT, STEP = 640, 480, 400
-PARAMS = {'extractor': 'gradient_grid', 'exclude_recent_s': 10.0, 'min_interval_s': 0.0}
+PARAMS = {'exclude_recent_s': 10.0, 'min_interval_s': 0.0}
 
 
 @cache
@@ -105,10 +106,10 @@ def follow(process: Callable[[int, NDArray[np.uint8]], Any], flow: Flow, title: 
     print(f'       {answer}')
 
 
-def follow_recognizer() -> None:
+def follow_recognizer(extractor: str) -> None:
     """Print the flow through the recognizer."""
     flow = Flow()
-    recognizer = hpr.create_recognizer(**PARAMS)
+    recognizer = hpr.create_recognizer(extractor=extractor, **PARAMS)
     recognizer.warm_up(WIDTH, HEIGHT)
     follow(
         lambda stamp_ns, image: recognizer.process(hpr.Frame(stamp_ns, image)).status.value,
@@ -117,7 +118,7 @@ def follow_recognizer() -> None:
     )
 
 
-def follow_node() -> None:
+def follow_node(extractor: str) -> None:
     """Print the flow through the node, from the callback of the message to what is published."""
     try:
         import rclpy
@@ -129,8 +130,9 @@ def follow_node() -> None:
 
     rclpy.init(args=[])
     flow = Flow()
-    arguments = [word for pair in PARAMS.items() for word in ('-p', '{}:={}'.format(*pair))]
-    node = PlaceRecognitionNode(cli_args=['--ros-args', '--log-level', 'warn', *arguments])
+    words = [f'{name}:={value}' for name, value in {'extractor': extractor, **PARAMS}.items()]
+    arguments = [word for setting in words for word in ('-p', setting)]
+    node = PlaceRecognitionNode(cli_args=['--ros-args', *arguments])
     (callback,) = (item.callback for item in node.subscriptions if item.msg_type is Image)
 
     def process(stamp_ns: int, image: NDArray[np.uint8]) -> str:
@@ -190,7 +192,15 @@ def show_rooms() -> None:
     print(f'\nlongest chain of imports: {len(longest)} files\n{names}')
 
 
-if __name__ == '__main__':
+def main() -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description='Print how one image flows through the files.')
+    parser.add_argument('--extractor', default='efficientnet_lite0', help='default: %(default)s')
+    options = parser.parse_args()
     show_rooms()
-    follow_recognizer()
-    follow_node()
+    follow_recognizer(options.extractor)
+    follow_node(options.extractor)
+
+
+if __name__ == '__main__':
+    main()
