@@ -62,6 +62,11 @@ def test_of_two_neighbors_the_one_more_like_its_other_neighbor_goes():
     assert Rows((0.4, 0), (1, 0), (0.9, 1), (0, 0.5)).policy.most_redundant() == 2
 
 
+def test_an_end_is_less_like_its_other_side_than_an_opposite_is():
+    # 0 and 1 are the pair. Nothing is before 0; 2 is nearly the opposite of 1.
+    assert Rows((1, 0), (1, 0), (-0.75, 0)).policy.most_redundant() == 1
+
+
 def test_of_twins_the_newer_one_goes():
     rows = Rows((1, 0), (0, 0))
     rows.add((0.75, 1), twin=0)

@@ -11,6 +11,7 @@ from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import (
     assemble,
     create_recognizer,
+    library_threads,
     use_threads,
 )
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
@@ -303,3 +304,19 @@ def test_what_is_not_new_or_has_no_features_is_not_stored(image):
     assert one.store(one.observe(Frame(0, texture(0)))) == Added(0)
     assert one.store(one.observe(Frame(S, image))) == Added()
     assert len(one.database) == 1
+
+
+@pytest.mark.parametrize('verify', [False, True])
+def test_a_recognizer_tells_whether_it_verifies(verify):
+    one = create_recognizer(BASE.replace(extractor='gradient_grid', verify=verify))
+    assert one.verifies is verify
+    found = one._encoder.encode(texture(0))
+    assert (found.keypoints is not None) is verify
+
+
+@pytest.mark.parametrize(
+    ('threads', 'verify', 'expected'),
+    [(1, True, 1), (2, True, 1), (4, True, 2), (5, True, 2), (4, False, 4), (1, False, 1)],
+)
+def test_half_of_the_threads_find_keypoints(threads, verify, expected):
+    assert library_threads(BASE.replace(threads=threads, verify=verify)) == expected
