@@ -209,3 +209,10 @@ def test_groups_of_shifts_overlap():
     groups = Shifts(5, 5, 0.1).groups
     assert groups[0] == (0, 1, 2, 5, 6, 7, 10, 11, 12) and len(groups) == 4
     assert set(sum(groups, ())) == set(range(25))
+
+
+def test_a_query_is_known_by_its_middle_vector():
+    vectors = np.arange(10, dtype=np.float32).reshape(5, 2)
+    assert Query(0, vectors).unshifted.tolist() == [4, 5] and not Query(0, vectors).empty
+    assert Query(0, vectors[:1]).unshifted.tolist() == [0, 1]
+    assert Query(0, np.zeros((3, 2), np.float32)).empty

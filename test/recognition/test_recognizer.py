@@ -320,3 +320,9 @@ def test_a_recognizer_tells_whether_it_verifies(verify):
 )
 def test_half_of_the_threads_find_keypoints(threads, verify, expected):
     assert library_threads(BASE.replace(threads=threads, verify=verify)) == expected
+
+
+def test_an_image_is_encoded_without_shift():
+    shifted = recognizer(displacements_x=5, displacements_y=3).encode(texture(0))
+    alone = recognizer(displacements_x=1, displacements_y=1).encode(texture(0))
+    assert np.allclose(shifted, alone, atol=1e-6)
