@@ -70,34 +70,32 @@ class Mutant:
     One change of one file.
 
     :param path: of the file, relative to the root.
+    :param original: content of the file.
     :param start: first byte that is replaced.
     :param end: byte after the last one that is replaced.
     :param text: replacement.
     """
 
     path: Path
+    original: bytes
     start: int
     end: int
     text: str
 
-    def source(self) -> bytes:
-        """Return the content of the changed file."""
-        start, end, original = self.start, self.end, (ROOT / self.path).read_bytes()
-        return original[:start] + self.text.encode() + original[end:]
-
     @property
-    def line(self) -> int:
-        """Return the number of the changed line, from 1."""
-        return (ROOT / self.path).read_bytes().count(b'\n', 0, self.start) + 1
+    def changed(self) -> bytes:
+        """Return the content of the changed file."""
+        start, end = self.start, self.end
+        return self.original[:start] + self.text.encode() + self.original[end:]
 
     def __str__(self) -> str:
         """Return file, line, and the line before and after."""
-        before = (ROOT / self.path).read_bytes().splitlines()[self.line - 1]
-        after = self.source().splitlines()[self.line - 1]
-        return (
-            f'{self.path}:{self.line}\n'
-            f'    - {before.strip().decode()}\n    + {after.strip().decode()}'
+        index = self.original.count(b'\n', 0, self.start)
+        before, after = (
+            content.splitlines()[index].strip().decode()
+            for content in (self.original, self.changed)
         )
+        return f'{self.path}:{index + 1}\n    - {before}\n    + {after}'
 
 
 class MutantFinder(ast.NodeVisitor):
@@ -213,7 +211,7 @@ class MutantFinder(ast.NodeVisitor):
             self._add(end + found.start(), end + found.end(), *texts)
 
     def _add(self, start: int, end: int, *texts: str) -> None:
-        self.places.append([Mutant(self._path, start, end, text) for text in texts])
+        self.places.append([Mutant(self._path, self._source, start, end, text) for text in texts])
 
     def _start(self, node: ast.expr) -> int:
         return self._line_starts[node.lineno - 1] + node.col_offset
@@ -279,10 +277,10 @@ def run(mutants: Sequence[Mutant], tests: Sequence[str] | None) -> Iterator[tupl
         timeout_s = PATIENCE * (perf_counter() - start) + GRACE_S
         for mutant in mutants:
             target = folder / mutant.path
-            target.write_bytes(mutant.source())
+            target.write_bytes(mutant.changed)
             room = mutant.path.parts[1]
             yield mutant, not passes(folder, tests or default_tests(room), timeout_s)
-            shutil.copy2(ROOT / mutant.path, target)
+            target.write_bytes(mutant.original)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
