@@ -26,7 +26,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(exclude=['test', 'test.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'verification/*.json']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),
@@ -54,7 +54,7 @@ setup(
         'onnxruntime': ['onnxruntime'],
         'plot': ['matplotlib', 'tqdm'],
         'ros': ROS,
-        'test': ['psutil', 'pytest<9', 'rosbags-image'],
+        'test': ['psutil', 'pytest<9', 'rosbags-image', 'scikit-learn'],
         'lint': LINTERS,
     },
     zip_safe=False,  # type checkers read py.typed from a folder only

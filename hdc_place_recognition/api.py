@@ -86,6 +86,6 @@ def evaluate(path: str | Path, **options: Any) -> Evaluation:
     :raises PlaceRecognitionError: the input or a parameter cannot be used.
     """
     # Evaluation needs rosbags and more, which a robot does without.
-    from hdc_place_recognition.evaluation.evaluate import evaluate_input  # type: ignore
+    from hdc_place_recognition.evaluation.evaluate import evaluate_input
 
     return evaluate_input(Path(path), **options)

@@ -98,36 +98,46 @@ class CandidateField:
     """
     A field of a candidate in messages and files.
 
-    :param name: in the message.
+    :param name: in the message and in candidates.csv.
     :param dtype: numpy's code of the type in the message: f4, i4, u4 or u1.
     :param get: returns the value for the message.
-    :param doc: one sentence for the README.
+    :param doc: what it is, for doc/topics.md.
+    :param text: returns the value for candidates.csv; the same as `get` by default.
+    :param in_csv: whether candidates.csv has it.
     """
 
     name: str
     dtype: str
     get: Callable[[Candidate], float]
     doc: str
+    text: Callable[[Candidate], object] | None = None
+    in_csv: bool = True
 
 
-def _rotation_part(index: int) -> Callable[[Candidate], float]:
-    return lambda found: found.rotation[index] if found.rotation else float('nan')
+def _stamp(name: str, doc: str, get: Callable[[Candidate], int]) -> tuple[CandidateField, ...]:
+    """Return a stamp as seconds and nanoseconds; candidates.csv has it as one number."""
+    return (
+        CandidateField(f'{name}_sec', 'i4', lambda found: get(found) // _NS, doc, in_csv=False),
+        CandidateField(
+            f'{name}_nanosec', 'u4', lambda found: get(found) % _NS, 'its nanoseconds', None, False
+        ),
+    )
+
+
+def _rotation(name: str, index: int, doc: str) -> CandidateField:
+    return CandidateField(
+        name,
+        'f4',
+        lambda found: found.rotation[index] if found.rotation else float('nan'),
+        doc,
+        lambda found: found.rotation[index] if found.rotation else '',
+    )
 
 
 # Their order is that of the message; new fields are appended, so that readers keep working.
 CANDIDATE_FIELDS = (
-    CandidateField(
-        'query_sec', 'i4', lambda found: found.query_stamp_ns // _NS, 'stamp of the query image, s'
-    ),
-    CandidateField(
-        'query_nanosec', 'u4', lambda found: found.query_stamp_ns % _NS, 'its nanoseconds'
-    ),
-    CandidateField(
-        'match_sec', 'i4', lambda found: found.match_stamp_ns // _NS, 'stamp of the keyframe, s'
-    ),
-    CandidateField(
-        'match_nanosec', 'u4', lambda found: found.match_stamp_ns % _NS, 'its nanoseconds'
-    ),
+    *_stamp('query', 'stamp of the query image, seconds', lambda found: found.query_stamp_ns),
+    *_stamp('match', 'stamp of the keyframe, seconds', lambda found: found.match_stamp_ns),
     CandidateField('match_id', 'u4', lambda found: found.match_id, 'id of the keyframe'),
     CandidateField('similarity', 'f4', lambda found: found.similarity, 'centered cosine, -1 to 1'),
     CandidateField(
@@ -140,7 +150,10 @@ CANDIDATE_FIELDS = (
         'matched keypoints that agree with one geometry; -1: not verified',
     ),
     CandidateField(
-        'accepted', 'u1', lambda found: found.accepted, '1 for a loop closure: score >= min_score'
+        'accepted',
+        'u1',
+        lambda found: int(found.accepted),
+        '1 for a loop closure: `score` >= `min_score`',
     ),
     CandidateField(
         'shift_x',
@@ -155,19 +168,37 @@ CANDIDATE_FIELDS = (
         'reason',
         'u1',
         lambda found: tuple(Reason).index(found.reason),
-        'why it was not accepted, index in results.Reason; 0: accepted',
+        'why it was not accepted, see below',
+        lambda found: found.reason.value,
     ),
-    CandidateField(
+    _rotation(
         'qx',
-        'f4',
-        _rotation_part(0),
-        'orientation of the query camera in the frame of the keyframe camera (x right, y down, '
-        'z ahead) of an accepted candidate; NaN without camera_info',
+        0,
+        'of an accepted candidate, orientation of the query camera in the frame of the keyframe '
+        'camera (x right, y down, z ahead); NaN without `camera_info`',
     ),
-    CandidateField('qy', 'f4', _rotation_part(1), 'its y'),
-    CandidateField('qz', 'f4', _rotation_part(2), 'its z'),
-    CandidateField('qw', 'f4', _rotation_part(3), 'its w'),
+    _rotation('qy', 1, 'its y'),
+    _rotation('qz', 2, 'its z'),
+    _rotation('qw', 3, 'its w'),
 )
+
+
+def candidate_from(values: Mapping[str, Any]) -> Candidate:
+    """Return the candidate whose fields of :data:`CANDIDATE_FIELDS` have these values."""
+    rotation = tuple(float(values[name]) for name in ('qx', 'qy', 'qz', 'qw'))
+    return Candidate(
+        query_stamp_ns=int(values['query_sec']) * _NS + int(values['query_nanosec']),
+        match_stamp_ns=int(values['match_sec']) * _NS + int(values['match_nanosec']),
+        match_id=int(values['match_id']),
+        similarity=float(values['similarity']),
+        score=float(values['score']),
+        inliers=int(values['inliers']),
+        accepted=bool(values['accepted']),
+        reason=tuple(Reason)[values['reason']],
+        shift_x=float(values['shift_x']),
+        shift_y=float(values['shift_y']),
+        rotation=None if np.isnan(rotation).any() else rotation,  # type: ignore[arg-type]
+    )
 
 
 @dataclass(frozen=True)

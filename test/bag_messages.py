@@ -1,20 +1,20 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages and bags that tests write."""
+"""Messages and bags for tests."""
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 S = 10**9
-START = 1_776_863_762_100_071_637  # 19 digits, must survive exactly
+START = 1_776_863_762_100_071_637  # 19 digits: not exact as a float
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORE1 = get_typestore(Stores.ROS1_NOETIC)
 CAMERA = '/camera/image_raw'
 
 
 def header(stamp_ns, store=STORE):
-    """Return a header of this stamp."""
+    """Return a header with this stamp."""
     sec, nanosec = divmod(stamp_ns, S)
     stamp = store.types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec)
     extra = {'seq': 0} if store is STORE1 else {}
@@ -22,7 +22,7 @@ def header(stamp_ns, store=STORE):
 
 
 def image(stamp_ns, value=0, size=None, store=STORE):
-    """Return a 4 x 6 grey image of one value; `size` bytes of it."""
+    """Return a message of a 4 x 6 gray image of one value, with `size` bytes of data."""
     return store.types['sensor_msgs/msg/Image'](
         header=header(stamp_ns, store),
         height=4,
@@ -35,9 +35,9 @@ def image(stamp_ns, value=0, size=None, store=STORE):
 
 
 def camera_info(stamp_ns, focal=500.0):
-    of = STORE.types
+    types = STORE.types
     k = np.array([focal, 0, 320, 0, focal, 240, 0, 0, 1.0])
-    return of['sensor_msgs/msg/CameraInfo'](
+    return types['sensor_msgs/msg/CameraInfo'](
         header=header(stamp_ns),
         height=480,
         width=640,
@@ -48,16 +48,16 @@ def camera_info(stamp_ns, focal=500.0):
         p=np.zeros(12),
         binning_x=0,
         binning_y=0,
-        roi=of['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False),
+        roi=types['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False),
     )
 
 
 def pose(x, y=0.0):
-    """Return a pose that looks along x."""
-    of = STORE.types
-    return of['geometry_msgs/msg/Pose'](
-        position=of['geometry_msgs/msg/Point'](x=x, y=y, z=0.0),
-        orientation=of['geometry_msgs/msg/Quaternion'](x=0.0, y=0.0, z=0.0, w=1.0),
+    """Return a pose with the identity orientation."""
+    types = STORE.types
+    return types['geometry_msgs/msg/Pose'](
+        position=types['geometry_msgs/msg/Point'](x=x, y=y, z=0.0),
+        orientation=types['geometry_msgs/msg/Quaternion'](x=0.0, y=0.0, z=0.0, w=1.0),
     )
 
 
@@ -70,21 +70,21 @@ def path_message(stamp_ns, poses):
 
 
 def odometry(stamp_ns, x):
-    of = STORE.types
-    still = of['geometry_msgs/msg/Vector3'](x=0.0, y=0.0, z=0.0)
-    return of['nav_msgs/msg/Odometry'](
+    types = STORE.types
+    still = types['geometry_msgs/msg/Vector3'](x=0.0, y=0.0, z=0.0)
+    return types['nav_msgs/msg/Odometry'](
         header=header(stamp_ns),
         child_frame_id='base_link',
-        pose=of['geometry_msgs/msg/PoseWithCovariance'](pose=pose(x), covariance=np.zeros(36)),
-        twist=of['geometry_msgs/msg/TwistWithCovariance'](
-            twist=of['geometry_msgs/msg/Twist'](linear=still, angular=still),
+        pose=types['geometry_msgs/msg/PoseWithCovariance'](pose=pose(x), covariance=np.zeros(36)),
+        twist=types['geometry_msgs/msg/TwistWithCovariance'](
+            twist=types['geometry_msgs/msg/Twist'](linear=still, angular=still),
             covariance=np.zeros(36),
         ),
     )
 
 
 def write_bag(folder, messages, plugin=StoragePlugin.SQLITE3, empty=()):
-    """Write (topic, message) or (topic, raw bytes of an image) in this order; return the path."""
+    """Write (topic, message) or (topic, serialized image) pairs in order; return the path."""
     with Writer(folder, version=9, storage_plugin=plugin) as writer:
         connections = {
             topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in empty
@@ -95,7 +95,7 @@ def write_bag(folder, messages, plugin=StoragePlugin.SQLITE3, empty=()):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
             data = message if raw else STORE.serialize_cdr(message, kind)
-            # The bag's own time is far from the headers': nobody may take it for them.
+            # The receive time is far from the header stamps and must not be used.
             writer.write(connections[topic], 5 * S + number, data)
     return folder
 

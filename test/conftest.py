@@ -21,7 +21,7 @@ os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
 
 
 class CellExtractor:
-    """A tiny extractor: mean colours of a 4 x 4 grid of cells and of their neighbours below."""
+    """A tiny extractor: mean colors of a 4 x 4 grid of cells and of their neighbors below."""
 
     identity = 'cells'
 
@@ -36,17 +36,17 @@ class CellExtractor:
             ],
             np.float32,
         )
-        grey = image if image.ndim == 2 else image.mean(axis=2)
+        gray = image if image.ndim == 2 else image.mean(axis=2)
         rows = [
             part.reshape(part.shape[0], part.shape[1] // 4, 4)
-            for part in np.array_split(grey[:, : width // 4 * 4], 4, axis=0)
+            for part in np.array_split(gray[:, : width // 4 * 4], 4, axis=0)
         ]
         means = np.array(
             [[part.reshape(part.shape[0], 4, -1)[:, x].mean() for x in range(4)] for part in rows]
         ).ravel()
         basis = np.random.default_rng(0).standard_normal((16, 32))
         waves = np.cos(np.outer(means, np.arange(1, 17) / 8)) @ basis
-        count = 16 if grey.std() > 0 else 0
+        count = 16 if gray.std() > 0 else 0
         return LocalFeatures(keypoints[:count], waves[:count].astype(np.float32), width, height)
 
 
@@ -66,5 +66,5 @@ def shared_data() -> Path:
 
 
 def texture(seed: int, height: int = 48, width: int = 64) -> NDArray[np.uint8]:
-    """Return a random grey image that differs in every part."""
+    """Return a random gray image that differs in every part."""
     return np.random.default_rng(seed).integers(0, 256, (height, width), dtype=np.uint8)

@@ -87,7 +87,7 @@ def test_rooms_import_from_below():
     for path in files():
         own = room(path)
         used = {name.split('.')[1] for name in imports(path) if name.startswith(PACKAGE + '.')}
-        above = {other for other in used - {own} if FLOOR[other] <= FLOOR[own]}
+        above = {target for target in used - {own} if FLOOR[target] <= FLOOR[own]}
         assert not above, f'{path} imports {above}'
 
 

@@ -124,7 +124,7 @@ def _measure_recall(
     spent = milliseconds(lambda: fast.search(query, _BEST))
     yield Measurement(f'{name}, {rows} rows', spent, 'ms', spent / whole, 'exact', target)
     queries = [Query(0, world.query(number)) for number in range(_SEEN, _SEEN + _QUERIES)]
-    recalls = np.mean([_recalls(exact, fast, each) for each in queries], axis=0).tolist()
+    recalls = np.mean([_recalls(exact, fast, query) for query in queries], axis=0).tolist()
     targets = _RECALL_TARGETS.get(rows, ('', ''))
     for best, recall, least in zip((1, _BEST), recalls, targets, strict=True):
         label = f'{name}: recall@{best}, {rows} rows'

@@ -1,39 +1,35 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command hdc_evaluate."""
+"""The command hdc_evaluate: evaluates bags and image folders."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 import json
-import logging
 from pathlib import Path
-import sys
+from typing import Any
 
 from hdc_place_recognition.cli.run import run_command
-from hdc_place_recognition.datasets.dataset import Dataset
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.dataset import Frames
+from hdc_place_recognition.datasets.open_dataset import Options
 from hdc_place_recognition.datasets.poses import VIEW_AXES
-from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.evaluation.evaluate import evaluate, Evaluation, without_progress
+from hdc_place_recognition.evaluation.evaluate import evaluate_input
 from hdc_place_recognition.evaluation.plots import draw, require_matplotlib
-from hdc_place_recognition.evaluation.replay import Progress
+from hdc_place_recognition.evaluation.progress import with_progress_bar
 from hdc_place_recognition.evaluation.result_files import write_results
-from hdc_place_recognition.evaluation.tables import metrics_dict, summary, table
+from hdc_place_recognition.evaluation.tables import summary, table
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
-from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
-
-_log = logging.getLogger(__name__)
+from hdc_place_recognition.results import Frame
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """
-    Evaluate inputs, print their metrics and write their results.
+    Evaluate inputs, print metrics and write results.
 
-    :param argv: arguments of the command line, those of the process by default.
-    :return: exit code; 2 if the input or a parameter is bad.
+    :param argv: command-line arguments, by default those of the process.
+    :return: exit code, 2 if an input or a parameter is invalid.
     """
     arguments = _parser().parse_args(argv)
     return run_command('hdc_evaluate', lambda: _run(arguments))
@@ -43,11 +39,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='hdc_evaluate',
         allow_abbrev=False,
-        description='Run the recogniser on recorded images and measure what it finds.',
-        epilog='Without ground truth the closures are counted and the metrics are null.',
+        description='Run the recognizer on recorded images and compute metrics.',
+        epilog='Without ground truth, closures are counted and metrics that need it are null.',
     )
     _add_inputs(parser)
-    _add_ground_truth(parser.add_argument_group('ground truth, where there is no gt.npz'))
+    _add_ground_truth(parser.add_argument_group('ground truth, for inputs without gt.npz'))
     _add_results(parser.add_argument_group('results'))
     add_arguments(parser)
     return parser
@@ -59,56 +55,55 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
         nargs='+',
         type=Path,
         metavar='INPUT',
-        help='rosbag (folder, .mcap, .db3, .bag) or folder with images/ and perhaps gt.npz or '
+        help='rosbag (folder, .mcap, .db3, .bag) or folder with images/ and optionally gt.npz or '
         'poses.csv',
     )
     parser.add_argument(
         '--database',
         type=Path,
         metavar='BAG_OR_FOLDER',
-        help='compare INPUT with this other traverse instead of with itself',
+        help='compare INPUT with this earlier traverse instead of with itself',
     )
-    parser.add_argument('--topic', help='image topic, needed if a bag has several')
+    parser.add_argument('--topic', help='image topic, required if the bag has several')
     parser.add_argument(
         '--camera-info-topic',
         metavar='TOPIC',
-        help='CameraInfo in the bag: accepted candidates tell the rotation of the camera',
+        help='CameraInfo topic; accepted candidates then contain the camera rotation',
     )
     parser.add_argument(
         '--odom-topic',
         metavar='TOPIC',
-        help='Odometry in the bag, for keyframe_distance_m',
+        help='Odometry topic, used by keyframe_distance_m',
     )
     parser.add_argument(
         '--skip-bad',
         action='store_true',
-        help='go on after messages that hold no image or whose stamp does not rise',
+        help='skip messages without a valid image and images whose stamp does not increase',
     )
 
 
 def _add_ground_truth(group: argparse._ArgumentGroup) -> None:
-    defaults = Options()
     group.add_argument(
-        '--ground-truth-topic', metavar='TOPIC', help='Odometry, PoseStamped or Path in the bag'
+        '--ground-truth-topic', metavar='TOPIC', help='Odometry, PoseStamped or Path topic'
     )
     group.add_argument(
         '--radius',
         type=float,
-        default=defaults.radius_m,
+        default=Options.radius_m,
         metavar='M',
-        help='poses nearer than this show the same place [%(default)s]',
+        help='largest distance between poses of the same place [%(default)s]',
     )
     group.add_argument(
         '--max-angle',
         type=float,
-        default=defaults.max_angle_deg,
+        default=Options.max_angle_deg,
         metavar='DEG',
-        help='if they look in directions no further apart than this; 180 = any [%(default)s]',
+        help='largest angle between their viewing directions; 180 = any [%(default)s]',
     )
     group.add_argument(
         '--view-axis',
         choices=sorted(VIEW_AXES),
-        help='axis of the posed body that looks ahead [x in bags, z in poses.csv]',
+        help='body axis that points forward [x in bags, z in poses.csv]',
     )
 
 
@@ -118,21 +113,22 @@ def _add_results(group: argparse._ArgumentGroup) -> None:
         type=Path,
         default=Path('results'),
         metavar='FOLDER',
-        help='where <name>_<n>/ with all results is made [%(default)s]',
+        help='parent of the results folder <name>_<n>/ [%(default)s]',
     )
-    group.add_argument('--json', action='store_true', help='print metrics.json and nothing else')
-    group.add_argument('--plot', action='store_true', help='draw pictures into the results too')
+    group.add_argument(
+        '--json', action='store_true', help='print only the content of metrics.json'
+    )
+    group.add_argument('--plot', action='store_true', help='write plots to the results folder')
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    """Evaluate all inputs; return the exit code."""
     params = from_arguments(arguments)
     if arguments.plot:
         require_matplotlib()
-    options = _options(arguments, params)
     evaluations = []
     for path in arguments.inputs:
-        dataset = open_dataset(path, arguments.database, options)
-        evaluation = _evaluate(dataset, params)
+        evaluation = evaluate_input(path, **_options(arguments), **asdict(params))
         folder = write_results(evaluation, arguments.output)
         if arguments.plot:
             draw(evaluation, folder)
@@ -140,49 +136,29 @@ def _run(arguments: argparse.Namespace) -> int:
             print(f'{table(evaluation)}\n-> {folder}\n')
         evaluations.append(evaluation)
     if arguments.json:
-        results = [metrics_dict(evaluation) for evaluation in evaluations]
+        results = [evaluation.metrics for evaluation in evaluations]
         print(json.dumps(results if len(results) > 1 else results[0], indent=2))
     elif len(evaluations) > 1:
         print(summary(evaluations))
-
     return 0
 
 
-def _evaluate(dataset: Dataset, params: Params) -> Evaluation:
-    params = params.replace(**dataset.overrides)
-    use_threads(params)
-    recognizer = create_recognizer(params)
-    _log.info('%s: local features are %s', dataset.name, recognizer.identity)
-    return evaluate(dataset, recognizer, _progress())
+def _options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of :func:`evaluate_input` that a command line sets."""
+    return {
+        'database': arguments.database,
+        'topic': arguments.topic,
+        'ground_truth_topic': arguments.ground_truth_topic,
+        'radius_m': arguments.radius,
+        'max_angle_deg': arguments.max_angle,
+        'view_axis': arguments.view_axis,
+        'odom_topic': arguments.odom_topic,
+        'camera_info_topic': arguments.camera_info_topic,
+        'skip_bad': arguments.skip_bad,
+        'progress': _progress,
+    }
 
 
-def _options(arguments: argparse.Namespace, params: Params) -> Options:
-    for flag, value in (
-        ('--radius', arguments.radius),
-        ('--max-angle', arguments.max_angle),
-    ):
-        if not value > 0:
-            raise PlaceRecognitionError(f'{flag} {value:g}: must be above 0')
-    return Options(
-        topic=arguments.topic,
-        ground_truth_topic=arguments.ground_truth_topic,
-        radius_m=arguments.radius,
-        max_angle_deg=arguments.max_angle,
-        view_axis=arguments.view_axis,
-        pose_tolerance_s=params.odom_tolerance_s,
-        odom_topic=arguments.odom_topic,
-        camera_info_topic=arguments.camera_info_topic,
-        image_rectified=params.image_rectified,
-        skip_bad=arguments.skip_bad,
-    )
-
-
-def _progress() -> Progress:
-    """Return what shows a bar on a terminal that can show one, and else does nothing."""
-    if not sys.stderr.isatty():
-        return without_progress
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return without_progress
-    return lambda frames, label: tqdm(frames, total=len(frames), desc=label, unit='image')
+def _progress(frames: Frames, label: str) -> Iterable[Frame]:
+    """Return the frames with a progress bar."""
+    return with_progress_bar(frames, len(frames), label, 'image')

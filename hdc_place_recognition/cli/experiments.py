@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command hdc_experiments: what the choices of the package were made by, to be repeated."""
+"""The command hdc_experiments: repeats the experiments that chose defaults and constants."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 from hdc_place_recognition.cli.run import run_command
 from hdc_place_recognition.experiments.calibration import add_calibrate
-from hdc_place_recognition.experiments.compare_descriptors import add_vectors
-from hdc_place_recognition.experiments.operating_point import add_trust
+from hdc_place_recognition.experiments.compare_descriptors import add_compare_descriptors
+from hdc_place_recognition.experiments.operating_point import add_operating_point
 from hdc_place_recognition.experiments.view_shift import add_shift
 
 
@@ -18,8 +18,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run one experiment and print its table.
 
-    :param argv: arguments of the command line, those of the process by default.
-    :return: exit code; 2 if the input or a parameter is bad.
+    :param argv: command-line arguments, by default those of the process.
+    :return: exit code, 2 if an input or a parameter is invalid.
     """
     arguments = _parser().parse_args(argv)
 
@@ -31,15 +31,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """Return the parser; each experiment sets `run`, which returns the text to print."""
+    """Return the parser; every subcommand sets `run`, a function that returns the output."""
     parser = argparse.ArgumentParser(
         prog='hdc_experiments',
         allow_abbrev=False,
-        description='Repeat the measurements by which the package was made what it is.',
+        description='Repeat the experiments that chose the default parameters and the constants '
+        'of verification.',
     )
     subparsers = parser.add_subparsers(dest='experiment', required=True, metavar='EXPERIMENT')
-    add_vectors(subparsers)
+    add_compare_descriptors(subparsers)
     add_shift(subparsers)
     add_calibrate(subparsers)
-    add_trust(subparsers)
+    add_operating_point(subparsers)
     return parser

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The border of every command: where errors become one line and an exit code."""
+"""Error handling of all commands: prints an error as one line and returns an exit code."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ BAD_INPUT, INTERRUPTED = 2, 130
 
 def run_command(name: str, work: Callable[[], int]) -> int:
     """
-    Do a command's work and return its exit code.
+    Run the main function of a command and return the exit code.
 
-    :param name: of the command, before the error's line.
-    :param work: what returns the exit code if nothing is wrong.
-    :return: that, or 2 if the input is bad, or 130 if the user has interrupted it.
+    :param name: name of the command, printed before an error.
+    :param work: main function, returns the exit code.
+    :return: the exit code of `work`; 2 if the input is invalid, 130 on Ctrl-C.
     """
     logging.basicConfig(level=logging.INFO, format='%(message)s', stream=sys.stderr)
     try:

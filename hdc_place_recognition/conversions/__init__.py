@@ -1,3 +1,3 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Message-like objects of ROS as arrays and cameras; no rclpy."""
+"""Converts ROS messages (of rclpy, rosbags or tests) to arrays and cameras; needs no rclpy."""

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""sensor_msgs/CameraInfo as a camera, for the node and the bag reader alike."""
+"""Converts sensor_msgs/CameraInfo to a camera, for the node and for bags."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 from numpy.typing import NDArray
 
-# Models of sensor_msgs/distortion_models, and how many coefficients they may have.
+# Distortion models of sensor_msgs/distortion_models, with the allowed numbers of coefficients.
 _LENGTHS = {
     'plumb_bob': (0, 4, 5),
     'rational_polynomial': (0, 8, 12, 14),
@@ -22,7 +22,7 @@ _FISHEYE = 'equidistant'
 
 
 class CameraInfoMessage(Protocol):
-    """The fields of sensor_msgs/CameraInfo that are read."""
+    """The fields of sensor_msgs/CameraInfo that are used."""
 
     height: int
     width: int
@@ -34,10 +34,11 @@ class CameraInfoMessage(Protocol):
 
 def camera_from_message(message: CameraInfoMessage, *, rectified: bool) -> Camera:
     """
-    Return the camera of a message of rclpy, of rosbags, or a test's own.
+    Return the camera of a CameraInfo message.
 
-    :param rectified: whether the images are rectified: then P describes them, otherwise K and D.
-    :raises PlaceRecognitionError: the camera is not calibrated, or its model is not known.
+    :param rectified: True if the images are rectified: P is used, otherwise K and D.
+    :raises PlaceRecognitionError: the camera is not calibrated, or its distortion model is not
+        supported.
     """
     if not (message.width and message.height):
         raise PlaceRecognitionError(
@@ -49,7 +50,7 @@ def camera_from_message(message: CameraInfoMessage, *, rectified: bool) -> Camer
             f'camera_info with focal lengths {matrix[0, 0]:g} and {matrix[1, 1]:g}: the camera is '
             'not calibrated'
         )
-    # Pixel centres are whole numbers in camera_info; points of an image begin at its edge.
+    # In camera_info pixel centers have integer coordinates; here the image corner is the origin.
     matrix[:2, 2] += 0.5 / message.width
     matrix[2, 2] = 1.0
     model = '' if rectified else message.distortion_model
@@ -62,17 +63,18 @@ def camera_from_message(message: CameraInfoMessage, *, rectified: bool) -> Camer
 
 
 def _matrix(message: CameraInfoMessage, name: str) -> NDArray[np.float64]:
-    """Return the left 3 x 3 part of a matrix given row by row."""
+    """Return the left 3 x 3 part of a matrix in row-major order."""
     return np.array(_field(message, name), np.float64).reshape(3, -1)[:, :3].copy()
 
 
 def _field(message: Any, name: str) -> Sequence[float]:
-    """Return a field, which ROS 1 writes in capitals."""
+    """Return a field by its ROS 2 name; ROS 1 uses upper case."""
     values: Sequence[float] = getattr(message, name if hasattr(message, name) else name.upper())
     return values
 
 
 def _distortion(model: str, values: Sequence[float]) -> NDArray[np.float64]:
+    """Return (n,) distortion coefficients in the order of OpenCV, four zeros for none."""
     coefficients = np.array(values, np.float64)
     if not coefficients.any():
         return np.zeros(4)

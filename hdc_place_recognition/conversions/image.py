@@ -1,10 +1,9 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Image messages as 8-bit grey or BGR images, for the node and the bag reader alike.
+Converts image messages to 8-bit gray or BGR images, for the node and for bags.
 
-A message is anything with the fields of sensor_msgs/Image or sensor_msgs/CompressedImage: of
-rclpy, of rosbags, or a test's own.
+A message is any object with the fields of sensor_msgs/Image or sensor_msgs/CompressedImage.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class StampedMessage(Protocol):
 
 
 class ImageMessage(Protocol):
-    """The fields of sensor_msgs/Image that are read."""
+    """The fields of sensor_msgs/Image that are used."""
 
     height: int
     width: int
@@ -41,32 +40,32 @@ class ImageMessage(Protocol):
 
 
 class CompressedMessage(Protocol):
-    """The fields of sensor_msgs/CompressedImage that are read."""
+    """The fields of sensor_msgs/CompressedImage that are used."""
 
-    format: str  # noqa: A003, RUF100 - the message's own name for it
+    format: str  # noqa: A003, RUF100 - the field name in the message
     data: Bytes
 
 
 def stamp_ns(message: StampedMessage) -> int:
-    """Return the time in a message's header as exact integer nanoseconds."""
+    """Return the header stamp of a message as integer nanoseconds."""
     stamp = message.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def image_from_message(message: ImageMessage | CompressedMessage) -> NDArray[np.uint8]:
     """
-    Return the image of a message: grey from a grey camera, otherwise BGR.
+    Return the image of a message: gray for a single channel, otherwise BGR.
 
-    16-bit luminance, colours and Bayer patterns are full scale (65535 becomes 255); 16UC1, 16SC1
-    and floats are stretched from their least to their greatest finite value; see
-    `hdc_place_recognition.conversions.pixels.as_uint8`. An EXIF orientation is ignored.
+    16-bit gray, color and Bayer images are scaled from 0-65535 to 0-255. 16UC1, 16SC1 and float
+    images are scaled from their finite minimum and maximum to 0-255; see :func:`as_uint8`. An
+    EXIF orientation is ignored.
 
-    :param message: An image of one of `SUPPORTED_ENCODINGS`, or one with a `format`: JPEG, PNG or
-        what else OpenCV decodes.
-    :return: (h, w) or (h, w, 3), contiguous. May share the message's memory (8-bit grey or BGR
-        without padding): then it is read-only, and changes if someone writes to the message.
-    :raises PlaceRecognitionError: if the encoding is not supported, if height, width, step and
-        the length of the data do not go together, or if the data cannot be decoded.
+    :param message: raw image with one of `SUPPORTED_ENCODINGS`, or a compressed image that OpenCV
+        can decode, such as JPEG or PNG.
+    :return: (h, w) or (h, w, 3) uint8, contiguous. An 8-bit gray or BGR image without padding
+        shares the memory of the message and is read-only.
+    :raises PlaceRecognitionError: the encoding is not supported, height, width, step and data
+        length do not match, or the data cannot be decoded.
     """
     if hasattr(message, 'format'):
         return _decompressed(message.format, bytes(message.data))
@@ -80,7 +79,7 @@ def image_from_message(message: ImageMessage | CompressedMessage) -> NDArray[np.
 
 
 def _views(message: ImageMessage, encoding: Encoding) -> list[NDArray[Any]]:
-    """Return the planes of a message, read-only; copied only to swap or align bytes."""
+    """Return read-only views of the planes; they are copied only to swap or align bytes."""
     dtype = np.dtype(encoding.dtype)
     sent = dtype.newbyteorder('>' if message.is_bigendian else '<')
     views = []
@@ -89,13 +88,13 @@ def _views(message: ImageMessage, encoding: Encoding) -> list[NDArray[Any]]:
             plane.shape, sent, buffer=message.data, offset=plane.offset, strides=plane.strides
         )
         view.flags.writeable = False
-        # Aligned, because OpenCV misreads rows whose step is not a multiple of the sample's size.
+        # OpenCV misreads rows whose step is not a multiple of the sample size.
         views.append(np.require(view, dtype, requirements=['ALIGNED']))
     return views
 
 
 def _checked_planes(message: ImageMessage, encoding: Encoding) -> list[Plane]:
-    """Return where the planes lie; raise if they cannot lie in the message's data."""
+    """Return the memory layout of the planes; raise an error if the data are too short."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     if height < 1 or width < 1:
         raise _unusable(message, 'at least one pixel')
@@ -113,6 +112,7 @@ def _checked_planes(message: ImageMessage, encoding: Encoding) -> list[Plane]:
 
 
 def _unusable(message: ImageMessage, needed: str) -> PlaceRecognitionError:
+    """Return the error for inconsistent fields of a message."""
     return PlaceRecognitionError(
         f'image of encoding {message.encoding!r}, height {message.height}, width {message.width} '
         f'and step {message.step} needs {needed}: check the driver that publishes it'
@@ -120,10 +120,10 @@ def _unusable(message: ImageMessage, needed: str) -> PlaceRecognitionError:
 
 
 def _decompressed(format_: str, data: bytes) -> NDArray[np.uint8]:
-    """Return a compressed image as the raw message it was made from would give it."""
+    """Return the image that the raw message would give, before compression."""
     if 'compressedDepth' in format_:
         raise PlaceRecognitionError(
-            f"compressed image of format {format_!r} holds depth: take the topic of the camera's "
+            f'compressed image of format {format_!r} holds depth: take the topic of the camera '
             'image, or the uncompressed depth'
         )
     pixels = _decoded(data)
@@ -133,9 +133,9 @@ def _decompressed(format_: str, data: bytes) -> NDArray[np.uint8]:
             'is cut short, damaged, or neither JPEG nor PNG'
         )
     if pixels.ndim == 3:
-        # So named when RGB was given to an encoder that expects BGR.
+        # The publisher gave RGB data to an encoder that expects BGR.
         return as_uint8(pixels[..., ::-1] if 'compressed rgb' in format_ else pixels)
-    # Bayer patterns and measurements (16UC1) are compressed as they are.
+    # Bayer patterns and 16UC1 images are compressed without conversion.
     sent = ENCODINGS.get(format_.partition(';')[0].strip())
     if sent is None or (sent.channels, sent.chroma, np.dtype(sent.dtype)) != (1, 0, pixels.dtype):
         return as_uint8(pixels)
@@ -143,12 +143,12 @@ def _decompressed(format_: str, data: bytes) -> NDArray[np.uint8]:
 
 
 def _decoded(data: bytes) -> NDArray[Any] | None:
-    """Return the pixels as they were compressed, alpha dropped; None if they cannot be decoded."""
-    # OpenCV 4 fills what is missing of a JPEG with grey; OpenCV 5 refuses it.
+    """Return the decoded pixels without alpha, None if they cannot be decoded."""
+    # OpenCV 4 decodes a truncated JPEG and fills the rest with gray; OpenCV 5 fails.
     if data.startswith(b'\xff\xd8') and data.rfind(b'\xff\xd9') < data.rfind(b'\xff\xda'):
         return None
     flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error:  # no data, or absurd sizes
+    except cv2.error:  # no data, or sizes that are too large
         return None

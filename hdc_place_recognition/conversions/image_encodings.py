@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of image encodings: how pixels lie in a message and become 8-bit grey or BGR."""
+"""The supported image encodings: memory layout and conversion to 8-bit gray or BGR."""
 
 from __future__ import annotations
 
@@ -17,7 +17,13 @@ Convert = Callable[..., NDArray[np.uint8]]
 
 
 class Plane(NamedTuple):
-    """Where a plane of samples lies in a buffer; everything but the shape in bytes."""
+    """
+    Memory layout of a plane of samples in a buffer.
+
+    :param shape: rows, columns, channels.
+    :param offset: offset of the first sample, bytes.
+    :param strides: distance between rows, columns and channels, bytes.
+    """
 
     shape: tuple[int, int, int]
     offset: int
@@ -25,7 +31,7 @@ class Plane(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Return the bytes needed up to the last sample: the last row may lack its padding."""
+        """Return the end of the last sample in bytes; padding of the last row is optional."""
         rows, columns, _ = self.shape
         return self.offset + (rows - 1) * self.strides[0] + columns * self.strides[1]
 
@@ -35,13 +41,12 @@ class Encoding:
     """
     One encoding of sensor_msgs/image_encodings.hpp.
 
-    :param dtype: Type of a sample.
-    :param channels: Samples of a pixel.
-    :param convert: Function of the plane (h, w, channels), or of both planes, that returns the
-        8-bit image.
-    :param multiples: Height and width must be multiples of these.
-    :param chroma: 0, or for encodings with a second plane, of (U, V): how many pixels of a row,
-        and how many rows, share one of its samples.
+    :param dtype: type of a sample.
+    :param channels: number of samples per pixel.
+    :param convert: returns the 8-bit image from the plane (h, w, channels), or from both planes.
+    :param multiples: height and width must be multiples of these numbers.
+    :param chroma: horizontal and vertical subsampling of the second plane (U, V), 0 if there is
+        no second plane.
     """
 
     dtype: type[np.generic]
@@ -52,9 +57,9 @@ class Encoding:
 
     def planes(self, height: int, width: int, step: int) -> list[Plane]:
         """
-        Return where the planes lie.
+        Return the memory layout of the planes.
 
-        :param step: Bytes from one row of the first plane to the next.
+        :param step: distance between rows of the first plane, bytes.
         """
         item = np.dtype(self.dtype).itemsize
         pixel = self.channels * item
@@ -65,32 +70,36 @@ class Encoding:
         return planes
 
 
-def _colour(code: int) -> Convert:
+def _color(code: int) -> Convert:
+    """Return a conversion by cv2.cvtColor."""
     return lambda pixels: as_uint8(cv2.cvtColor(pixels, code))
 
 
 def _two_planes(code: int) -> Convert:
+    """Return a conversion by cv2.cvtColorTwoPlane."""
     return lambda luma, chroma: as_uint8(cv2.cvtColorTwoPlane(luma, chroma, code))
 
 
 def _nv24(luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    # OpenCV has no code for it: make it UYVY with every pixel twice.
+    """Return BGR pixels of a plane Y and a full-size plane (U, V)."""
+    # OpenCV does not support NV24. Convert to UYVY with every pixel doubled.
     u, v = chroma[..., :1], chroma[..., 1:]
     uyvy = np.concatenate([u, luma, v, luma], axis=2).reshape(len(luma), -1, 2)
     return as_uint8(cv2.cvtColor(uyvy, cv2.COLOR_YUV2BGR_UYVY)[:, ::2])
 
 
-def _stretched(pixels: NDArray[Any]) -> NDArray[np.uint8]:
+def _scaled(pixels: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return pixels scaled from their minimum and maximum to 0-255."""
     return as_uint8(pixels.astype(np.float32))
 
 
-_RGB, _RGBA = _colour(cv2.COLOR_RGB2BGR), _colour(cv2.COLOR_RGBA2BGR)
-_BGRA = _colour(cv2.COLOR_BGRA2BGR)
-# ROS names a Bayer pattern by its first four pixels, OpenCV by two of its second row.
-_RGGB, _BGGR = _colour(cv2.COLOR_BayerBG2BGR), _colour(cv2.COLOR_BayerRG2BGR)
-_GBRG, _GRBG = _colour(cv2.COLOR_BayerGR2BGR), _colour(cv2.COLOR_BayerGB2BGR)
-_UYVY = Encoding(np.uint8, 2, _colour(cv2.COLOR_YUV2BGR_UYVY), multiples=(1, 2))
-_YUYV = Encoding(np.uint8, 2, _colour(cv2.COLOR_YUV2BGR_YUYV), multiples=(1, 2))
+_RGB, _RGBA = _color(cv2.COLOR_RGB2BGR), _color(cv2.COLOR_RGBA2BGR)
+_BGRA = _color(cv2.COLOR_BGRA2BGR)
+# ROS names a Bayer pattern by its first four pixels, OpenCV by pixels 2 and 3 of row 2.
+_RGGB, _BGGR = _color(cv2.COLOR_BayerBG2BGR), _color(cv2.COLOR_BayerRG2BGR)
+_GBRG, _GRBG = _color(cv2.COLOR_BayerGR2BGR), _color(cv2.COLOR_BayerGB2BGR)
+_UYVY = Encoding(np.uint8, 2, _color(cv2.COLOR_YUV2BGR_UYVY), multiples=(1, 2))
+_YUYV = Encoding(np.uint8, 2, _color(cv2.COLOR_YUV2BGR_YUYV), multiples=(1, 2))
 _NV12, _NV21 = _two_planes(cv2.COLOR_YUV2BGR_NV12), _two_planes(cv2.COLOR_YUV2BGR_NV21)
 
 ENCODINGS = {
@@ -104,15 +113,15 @@ ENCODINGS = {
     'rgba8': Encoding(np.uint8, 4, _RGBA),
     'rgb16': Encoding(np.uint16, 3, _RGB),
     'rgba16': Encoding(np.uint16, 4, _RGBA),
-    # OpenCV's types: several channels are BGR, full scale; a single one of more than 8 bits
-    # measures something (depth, temperature), so that its range is not known beforehand.
+    # OpenCV types: images with 3 or 4 channels are BGR at full scale. A single channel of more
+    # than 8 bits is a measurement (depth, temperature) with unknown range.
     '8UC1': Encoding(np.uint8, 1, as_uint8),
     '8UC3': Encoding(np.uint8, 3, as_uint8),
     '8UC4': Encoding(np.uint8, 4, _BGRA),
-    '16UC1': Encoding(np.uint16, 1, _stretched),
+    '16UC1': Encoding(np.uint16, 1, _scaled),
     '16UC3': Encoding(np.uint16, 3, as_uint8),
     '16UC4': Encoding(np.uint16, 4, _BGRA),
-    '16SC1': Encoding(np.int16, 1, _stretched),
+    '16SC1': Encoding(np.int16, 1, _scaled),
     '32FC1': Encoding(np.float32, 1, as_uint8),
     '32FC3': Encoding(np.float32, 3, as_uint8),
     '32FC4': Encoding(np.float32, 4, _BGRA),

@@ -1,6 +1,10 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics and messages of rosbags: a ROS 2 bag folder, a bare .mcap or .db3, a ROS 1 .bag."""
+"""
+Topics and messages of a ROS 2 bag folder, a single .mcap or .db3 file, or a ROS 1 .bag file.
+
+The package rosbags is imported when the first bag is opened.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +16,16 @@ from pathlib import Path
 from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import get_typestore, Stores
 
 
 def topics(bag: Path, types: tuple[str, ...]) -> dict[str, int]:
     """
-    Return the topics of some message types and how many messages each has, sorted by name.
+    Return the topics of the given message types with their message counts, sorted by name.
 
     :param bag: path of the bag.
-    :param types: message types, as 'sensor_msgs/msg/Image'.
-    :raises PlaceRecognitionError: the bag is missing, empty, truncated or corrupt.
+    :param types: message types, such as 'sensor_msgs/msg/Image'.
+    :raises PlaceRecognitionError: the bag is missing, empty, truncated or corrupt, or the package
+        rosbags is not installed.
     """
     with _open(bag) as reader:
         counts: dict[str, int] = {}
@@ -36,52 +39,54 @@ def choose_topic(
     bag: Path, topic: str | None, types: tuple[str, ...], flag: str
 ) -> tuple[str, int]:
     """
-    Return the topic asked for, or the only one of its types, and how many messages it has.
+    Return the name and the message count of the requested topic.
 
     :param bag: path of the bag.
-    :param topic: the one that the user asked for, None for the only one.
-    :param types: its possible message types.
-    :param flag: the flag by which users choose, for the message.
-    :raises PlaceRecognitionError: there is none, there are several to choose from, or it has no
-        messages; names all there are in a form to be copied.
+    :param topic: the requested topic; None selects the only topic of these types.
+    :param types: message types that the topic may have.
+    :param flag: command-line flag that selects the topic, for error messages.
+    :raises PlaceRecognitionError: no topic of these types, several topics and none requested, or
+        the topic has no messages. The message lists the available topics as flags to copy.
     """
-    there = topics(bag, types)
-    names = ' or '.join(name.rpartition('/')[2] for name in types)
-    if not there:
-        raise PlaceRecognitionError(f'bag {bag} has no topic of type {names}; nothing to read')
-    choices = ' | '.join(f'{flag} {name}' for name in there)
-    if topic is None and len(there) > 1:
-        raise PlaceRecognitionError(f'bag {bag} has {len(there)} {names} topics; use {choices}')
-    chosen = topic or next(iter(there))
-    if chosen not in there:
-        raise PlaceRecognitionError(f'bag {bag} has no {names} topic {chosen}; use {choices}')
-    if not there[chosen]:
+    counts = topics(bag, types)
+    type_names = ' or '.join(name.rpartition('/')[2] for name in types)
+    if not counts:
+        raise PlaceRecognitionError(f'bag {bag} has no topic of type {type_names}')
+    choices = ' | '.join(f'{flag} {name}' for name in counts)
+    if topic is None and len(counts) > 1:
+        raise PlaceRecognitionError(
+            f'bag {bag} has {len(counts)} {type_names} topics; use {choices}'
+        )
+    chosen = topic or next(iter(counts))
+    if chosen not in counts:
+        raise PlaceRecognitionError(f'bag {bag} has no {type_names} topic {chosen}; use {choices}')
+    if not counts[chosen]:
         raise PlaceRecognitionError(f'bag {bag}: topic {chosen} has no messages; record it again')
-    return chosen, there[chosen]
+    return chosen, counts[chosen]
 
 
 @dataclass(frozen=True)
 class StoredMessage:
     """
-    A message as the bag holds it.
+    A serialized message of a bag.
 
-    :param where: bag, topic and number of the message in the topic from 1 on, for messages.
+    :param where: bag, topic and 1-based message number, for error messages.
     """
 
     where: str
-    _reader: AnyReader
+    _reader: Any
     _msgtype: str
     _data: bytes
 
     def decode(self) -> Any:
         """
-        Return the message deserialized.
+        Return the deserialized message.
 
-        :raises PlaceRecognitionError: its bytes are not of its type.
+        :raises PlaceRecognitionError: the bytes do not match the message type.
         """
         try:
             return self._reader.deserialize(self._data, self._msgtype)
-        except Exception as error:  # whatever the generated parser stumbles over
+        except Exception as error:  # generated parsers raise many types of exceptions
             raise PlaceRecognitionError(
                 f'{self.where}: {len(self._data)} bytes are no {self._msgtype}: {_one_line(error)}'
             ) from error
@@ -89,26 +94,34 @@ class StoredMessage:
 
 def messages(bag: Path, topic: str) -> Generator[StoredMessage, None, None]:
     """
-    Yield the messages of a topic.
+    Yield the messages of a topic in the order of the bag.
 
-    :raises PlaceRecognitionError: the bag is damaged.
+    :raises PlaceRecognitionError: the bag is damaged, or the package rosbags is not installed.
     """
     with _open(bag) as reader:
         chosen = [connection for connection in reader.connections if connection.topic == topic]
-        stored = reader.messages(chosen)
+        entries = reader.messages(chosen)
         for number in count(1):
-            with _reading(bag):
-                following = next(stored, None)
-            if following is None:
+            with _read_errors(bag):
+                entry = next(entries, None)
+            if entry is None:
                 return
-            connection, _, data = following
+            connection, _, data = entry
             where = f'bag {bag}, topic {topic}, message {number}'
             yield StoredMessage(where, reader, connection.msgtype, data)
 
 
 @contextmanager
-def _open(bag: Path) -> Iterator[AnyReader]:
-    with _reading(bag):
+def _open(bag: Path) -> Iterator[Any]:
+    """Open a bag for reading; the context value is a rosbags AnyReader."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import get_typestore, Stores
+    except ImportError as error:
+        raise PlaceRecognitionError(
+            f'bag {bag}: the package rosbags is not installed; `pip install rosbags`'
+        ) from error
+    with _read_errors(bag):
         reader = AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY))
         reader.open()
     try:
@@ -118,14 +131,14 @@ def _open(bag: Path) -> Iterator[AnyReader]:
 
 
 @contextmanager
-def _reading(bag: Path) -> Iterator[None]:
-    """Turn whatever rosbags and its parsers raise over damaged bytes into one line."""
+def _read_errors(bag: Path) -> Iterator[None]:
+    """Convert every exception that rosbags raises on damaged bytes to a one-line error."""
     try:
         yield
     except Exception as error:
         raise PlaceRecognitionError(
-            f'bag {bag} cannot be read: {_one_line(error)}; one that was cut off can perhaps be '
-            'repaired by `ros2 bag reindex` or `mcap recover`'
+            f'bag {bag} cannot be read: {_one_line(error)}; `ros2 bag reindex` or '
+            '`mcap recover` may repair a truncated bag'
         ) from error
 
 

@@ -1,9 +1,9 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Images and poses from rosbags.
+Images, poses and cameras from rosbags.
 
-Times are those of the messages' headers, never those at which the bag was written.
+All stamps are header stamps of the messages; the receive times of the bag are not used.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.conversions.camera_info import camera_from_message
 from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
 from hdc_place_recognition.datasets.bag_reader import choose_topic, messages, StoredMessage
-from hdc_place_recognition.datasets.dataset import Frame
 from hdc_place_recognition.datasets.poses import Poses
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.results import Frame
 
 _log = logging.getLogger(__name__)
 
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 POSE_TYPES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped', 'nav_msgs/msg/Path')
 CAMERA_TYPES = ('sensor_msgs/msg/CameraInfo',)
-_WARNINGS = 5  # bad messages that are named one by one; all are counted
+_WARNINGS = 5  # the first bad messages are logged one by one, all are counted
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class BagImages:
     The images of one topic, in the order of the bag.
 
     :param bag: path of the bag.
-    :param topic: of sensor_msgs/Image or CompressedImage.
-    :param n_messages: how many messages the topic has.
-    :param skip_bad: pass over messages that hold no image, and hand on images whose stamp does
-        not rise (the recogniser passes over those, as in the node), with a warning; otherwise
-        either is an error.
+    :param topic: topic of type sensor_msgs/Image or CompressedImage.
+    :param n_messages: number of messages of the topic.
+    :param skip_bad: log a warning for a bad message instead of raising an error. A message
+        without a valid image is skipped. An image whose stamp does not increase is yielded; the
+        recognizer skips it, as in the node.
     """
 
     bag: Path
@@ -51,9 +51,9 @@ class BagImages:
     @classmethod
     def from_bag(cls, bag: Path, topic: str | None = None, skip_bad: bool = False) -> BagImages:
         """
-        Return the images of the bag's image topic.
+        Return the images of a topic; with `topic` None, of the only image topic.
 
-        :raises PlaceRecognitionError: as :func:`choose_topic`.
+        :raises PlaceRecognitionError: see :func:`choose_topic`.
         """
         return cls(bag, *choose_topic(bag, topic, IMAGE_TYPES, '--topic'), skip_bad)
 
@@ -62,19 +62,19 @@ class BagImages:
 
     def __iter__(self) -> Iterator[Frame]:
         """
-        Yield header stamp and image.
+        Yield the images with their header stamps.
 
-        :raises PlaceRecognitionError: a message is bad and `skip_bad` is not set, or the bag is
+        :raises PlaceRecognitionError: a message is bad and `skip_bad` is False, or the bag is
             damaged.
         """
         last_ns, n_bad = None, 0
         for message in messages(self.bag, self.topic):
-            frame, complaint = _frame(message, last_ns)
-            if complaint:
+            frame, problem = _frame(message, last_ns)
+            if problem:
                 n_bad += 1
-                self._complain(complaint, n_bad)
+                self._report(problem, n_bad)
             if frame:
-                last_ns = frame[0]
+                last_ns = frame.stamp_ns
                 yield frame
         if n_bad:
             _log.warning(
@@ -85,15 +85,21 @@ class BagImages:
                 self.n_messages,
             )
 
-    def _complain(self, complaint: str, n_bad: int) -> None:
+    def _report(self, problem: str, n_bad: int) -> None:
+        """Log a bad message; raise an error if bad messages are not to be skipped."""
         if not self.skip_bad:
-            raise PlaceRecognitionError(f'{complaint}; --skip-bad goes on without such messages')
+            raise PlaceRecognitionError(f'{problem}; --skip-bad skips such messages')
         if n_bad <= _WARNINGS:
-            _log.warning('%s', complaint)
+            _log.warning('%s', problem)
 
 
 def _frame(stored: StoredMessage, last_ns: int | None) -> tuple[Frame | None, str]:
-    """Return the frame of a message, None if it holds no image, and what is wrong, or ''."""
+    """
+    Decode a message.
+
+    :param last_ns: stamp of the previous image, None for the first one.
+    :return: the image, None if the message has no valid image; and the problem, '' if none.
+    """
     try:
         message = stored.decode()
     except PlaceRecognitionError as error:
@@ -103,21 +109,22 @@ def _frame(stored: StoredMessage, last_ns: int | None) -> tuple[Frame | None, st
         image = image_from_message(message)
     except PlaceRecognitionError as error:
         return None, f'{stored.where}, stamp {stamp} ns: {error}'
+    frame = Frame(stamp, image)
     if last_ns is None or stamp > last_ns:
-        return (stamp, image), ''
-    wrong = 'repeats' if stamp == last_ns else 'goes back behind'
-    return (stamp, image), f'{stored.where}: stamp {stamp} ns {wrong} the one before, {last_ns} ns'
+        return frame, ''
+    relation = 'repeats' if stamp == last_ns else 'goes back behind'
+    return frame, f'{stored.where}: stamp {stamp} ns {relation} the previous one, {last_ns} ns'
 
 
 def read_poses(bag: Path, topic: str, flag: str = '--ground-truth-topic') -> Poses:
     """
     Return the poses of an Odometry, PoseStamped or Path topic.
 
-    A path may be published again and again as it grows: the newest pose of each stamp counts.
+    A growing path is often published repeatedly; for each stamp the last published pose is used.
 
     :param bag: path of the bag.
-    :param topic: the topic.
-    :param flag: by which users choose it, for messages.
+    :param topic: name of the topic.
+    :param flag: command-line flag that selects the topic, for error messages.
     :raises PlaceRecognitionError: no such topic, no finite pose, or the bag is damaged.
     """
     chosen, _ = choose_topic(bag, topic, POSE_TYPES, flag)
@@ -126,9 +133,9 @@ def read_poses(bag: Path, topic: str, flag: str = '--ground-truth-topic') -> Pos
         message = stored.decode()
         for stamped in getattr(message, 'poses', [message]):
             pose = getattr(stamped.pose, 'pose', stamped.pose)
-            at, turned = pose.position, pose.orientation
+            point, turn = pose.position, pose.orientation
             stamps.append(stamp_ns(stamped))
-            rows.append([at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w])
+            rows.append([point.x, point.y, point.z, turn.x, turn.y, turn.z, turn.w])
     return Poses.from_rows(stamps, rows, f'bag {bag}, topic {chosen}')
 
 
@@ -136,14 +143,15 @@ def read_camera(path: Path, topic: str, *, rectified: bool) -> Camera:
     """
     Return the camera of the first message of a CameraInfo topic.
 
-    :param path: of the bag.
-    :param rectified: whether the images are rectified.
-    :raises PlaceRecognitionError: no such topic, a camera that is not calibrated or not known, or
-        the bag is damaged.
+    :param path: path of the bag.
+    :param topic: name of the topic.
+    :param rectified: True if the images are rectified.
+    :raises PlaceRecognitionError: no such topic, the camera is not calibrated, its distortion
+        model is not supported, or the bag is damaged.
     """
     chosen, _ = choose_topic(path, topic, CAMERA_TYPES, '--camera-info-topic')
-    with closing(messages(path, chosen)) as found:
-        stored = next(found)
+    with closing(messages(path, chosen)) as infos:
+        stored = next(infos)
         message = stored.decode()
     try:
         return camera_from_message(message, rectified=rectified)

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What an evaluation needs of its input, wherever it comes from."""
+"""The input of an evaluation: images, ground truth, camera and odometry."""
 
 from __future__ import annotations
 
@@ -12,30 +12,31 @@ from typing import Protocol
 from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.params.table import Value
 from hdc_place_recognition.recognition.keyframes import no_odometry, Odometry
+from hdc_place_recognition.results import Frame
 import numpy as np
 from numpy.typing import NDArray
 
-Frame = tuple[int, NDArray[np.uint8]]  # stamp in ns; (h, w) grey or (h, w, 3) BGR
-Stamps = NDArray[np.int64]
+Stamps = NDArray[np.int64]  # nanoseconds
 
 
 class Frames(Protocol):
-    """Images in the order in which the camera saw them; can be gone through several times."""
+    """Images in the order in which the camera took them; can be iterated several times."""
 
     def __len__(self) -> int:
-        """Return how many images are to be expected, for a progress bar."""
+        """Return the expected number of images, for a progress bar."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield stamp and image."""
+        """Yield the images with their stamps."""
 
 
 @dataclass(frozen=True)
 class Truth:
     """
-    Which query shows the same place as which database image.
+    Which pairs of a query and a database image show the same place.
 
-    :param hard: (q, n) bool, the same place: must be found.
-    :param soft: (q, n) bool, perhaps the same place: neither right nor wrong where not hard.
+    :param hard: (q, n) bool, the pair shows the same place and must be found.
+    :param soft: (q, n) bool, the pair may show the same place. A pair that is soft but not hard
+        is ignored.
     """
 
     hard: NDArray[np.bool_]
@@ -43,18 +44,18 @@ class Truth:
 
 
 class GroundTruth(Protocol):
-    """Knows which images show the same place, by their stamps."""
+    """Knows which images show the same place; images are identified by their stamps."""
 
     @property
     def summary(self) -> str:
-        """Return in a few words what counts as the same place."""
+        """Return a short text that says when two images show the same place."""
 
     def truth(self, query_stamps_ns: Stamps, database_stamps_ns: Stamps) -> Truth:
-        """Return the truth for the images of these stamps, (q,) and (n,)."""
+        """Return the truth for queries (q,) and database images (n,) with these stamps."""
 
 
 class Mode(Enum):
-    """How the images of a data set are shown to the recogniser."""
+    """How images are compared; the value is shown in the metrics table."""
 
     SEQUENCE = 'one sequence, each image against the older ones'
     TRAVERSES = 'two traverses, the queries against the reference'
@@ -66,14 +67,14 @@ class Dataset:
     """
     One input of the evaluation.
 
-    :param name: short name, for tables and the results folder.
-    :param mode: how the images are shown to the recogniser.
-    :param queries: all images, or those of the second traverse.
-    :param reference: the images of the first of two traverses, else None.
-    :param ground_truth: None if nothing is known.
-    :param overrides: parameters that the data set fixes, such as the gap of a sequence.
-    :param camera: that took the images, None if it is not known.
-    :param odometry: tells where the robot was.
+    :param name: short name, used in tables and for the results folder.
+    :param mode: how images are compared.
+    :param queries: all images, or with two traverses the images of the second one.
+    :param reference: the images of the first of two traverses, otherwise None.
+    :param ground_truth: None if it is not known which images show the same place.
+    :param overrides: parameters that the dataset sets, such as the minimum age of candidates.
+    :param camera: calibration of the camera, None if it is not known.
+    :param odometry: returns the pose of the robot at a stamp.
     """
 
     name: str

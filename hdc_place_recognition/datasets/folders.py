@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of images in the format of the data sets: images/, gt.npz, poses.csv."""
+"""Image folders in the dataset format: images/, gt.npz, poses.csv."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdc_place_recognition.conversions.image import Bytes, image_from_message
-from hdc_place_recognition.datasets.dataset import Frame, Stamps
+from hdc_place_recognition.datasets.dataset import Stamps
 from hdc_place_recognition.datasets.poses import Poses
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.results import Frame
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +25,7 @@ _POSE_COLUMNS = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
 @dataclass(frozen=True)
 class FolderImages:
     """
-    The image files of one folder in sorted order, stamped one second apart from 0 on.
+    The image files of a folder in sorted order; stamps are 0 s, 1 s, 2 s and so on.
 
     :param files: paths of the files.
     """
@@ -36,7 +37,7 @@ class FolderImages:
         """
         Return the jpg and png files of a folder.
 
-        :raises PlaceRecognitionError: there are none.
+        :raises PlaceRecognitionError: the folder has no image files.
         """
         files = tuple(sorted(file for file in folder.glob('*') if file.suffix.lower() in SUFFIXES))
         if not files:
@@ -48,25 +49,26 @@ class FolderImages:
 
     def __iter__(self) -> Iterator[Frame]:
         """
-        Yield stamp and image.
+        Yield the images with their stamps.
 
-        :raises PlaceRecognitionError: a file does not decode; names it.
+        :raises PlaceRecognitionError: a file cannot be decoded.
         """
         for stamp_ns, file in zip(self.stamps_ns.tolist(), self.files, strict=True):
-            yield stamp_ns, read_image(file)
+            yield Frame(stamp_ns, read_image(file))
 
     @property
     def stamps_ns(self) -> Stamps:
-        """Return (n,) int64, the stamps of all images."""
+        """Return (n,) int64, the stamps of all images in nanoseconds."""
         return np.arange(len(self.files), dtype=np.int64) * SECOND_NS
 
 
 def read_image(file: Path) -> NDArray[np.uint8]:
     """
-    Return the image of a file: (h, w) if it is grey, else (h, w, 3) BGR; 16 bits become 8.
+    Read an image file.
 
-    :param file: a jpg or png file.
-    :raises PlaceRecognitionError: it does not decode; names it.
+    :param file: jpg or png file, 8 or 16 bits per channel.
+    :return: (h, w) uint8 gray or (h, w, 3) uint8 BGR.
+    :raises PlaceRecognitionError: the file cannot be read or decoded.
     """
     try:
         return image_from_message(_Compressed(file.suffix.lower(), file.read_bytes()))
@@ -79,7 +81,7 @@ def read_image(file: Path) -> NDArray[np.uint8]:
 
 @dataclass
 class _Compressed:
-    """A file's content in the fields of sensor_msgs/CompressedImage: decoded as messages are."""
+    """File content with the fields of sensor_msgs/CompressedImage, to decode it like a message."""
 
     format: str  # noqa: A003, RUF100 - the message's own name for it
     data: Bytes
@@ -87,9 +89,10 @@ class _Compressed:
 
 def read_poses(file: Path) -> Poses:
     """
-    Return the poses of a poses.csv, stamped as the images of :class:`FolderImages`.
+    Read a poses.csv file; the stamps are those of :class:`FolderImages`.
 
-    :param file: csv with the columns index (of the image), x, y, z, qx, qy, qz, qw, and others.
+    :param file: csv file with the columns index (image number), x, y, z in meters and the
+        quaternion qx, qy, qz, qw; further columns are ignored.
     :raises PlaceRecognitionError: a column is missing, or a value is not a number.
     """
     stamps, rows = [], []

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth from matrices and from poses."""
+"""Ground truth from matrices (gt.npz) and from poses."""
 
 from __future__ import annotations
 
@@ -16,55 +16,55 @@ from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 from numpy.typing import NDArray
 
-# What numpy raises over files that are no npz, are cut off, or hold objects.
+# Raised by numpy for files that are not npz, are truncated, or contain objects.
 _DAMAGED = (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile, zlib.error)
-_ANY_ANGLE = 180.0  # degrees; no two directions are further apart
-SOFT_FACTOR = 2.0  # soft pairs lie within twice the radius and twice the angle of hard ones
+_ANY_ANGLE = 180.0  # degrees, the largest angle between two directions
+SOFT_FACTOR = 2.0  # radius and angle of soft pairs, relative to hard pairs
 
 
 @dataclass(frozen=True)
 class MatrixTruth:
     """
-    Ground truth that is given as matrices over all images.
+    Ground truth given as matrices over all images.
 
-    :param whole: the truth, a row a query image and a column a database image.
-    :param query_stamps_ns: (q,) int64 rising, the stamps of the rows.
-    :param database_stamps_ns: (n,) int64 rising, the stamps of the columns.
+    :param matrices: one row per query image, one column per database image.
+    :param query_stamps_ns: (q,) int64, increasing, the stamps of the rows.
+    :param database_stamps_ns: (n,) int64, increasing, the stamps of the columns.
     """
 
-    whole: Truth
+    matrices: Truth
     query_stamps_ns: Stamps
     database_stamps_ns: Stamps
 
     @property
     def summary(self) -> str:
-        """Return in a few words what counts as the same place."""
+        """Return a short text that says when two images show the same place."""
         return f'matrix of {len(self.query_stamps_ns)} x {len(self.database_stamps_ns)} images'
 
     def truth(self, query_stamps_ns: Stamps, database_stamps_ns: Stamps) -> Truth:
-        """Return the truth for the images of these stamps, which must be among all."""
+        """Return the rows and columns of the images with these stamps; all must exist."""
         chosen = np.ix_(
             np.searchsorted(self.query_stamps_ns, query_stamps_ns),
             np.searchsorted(self.database_stamps_ns, database_stamps_ns),
         )
-        return Truth(self.whole.hard[chosen], self.whole.soft[chosen])
+        return Truth(self.matrices.hard[chosen], self.matrices.soft[chosen])
 
 
 @dataclass(frozen=True)
 class PoseTruth:
     """
-    Ground truth by the distance of poses and the angle between the directions of view.
+    Ground truth from the distance between poses and the angle between viewing directions.
 
-    Hard: at most `radius_m` apart and `max_angle_deg` turned against each other. Soft: within
-    SOFT_FACTOR (2) times both. An image without a pose matches nothing hard and everything soft,
-    so that its pairs are ignored.
+    A pair is hard if it is within `radius_m` and `max_angle_deg`, and soft if it is within
+    SOFT_FACTOR (2) times both. Pairs of an image without a pose are soft only, so they are
+    ignored.
 
     :param queries: poses of the query images.
     :param database: poses of the database images, in the same fixed frame.
-    :param radius_m: greatest distance of a hard pair, metres.
-    :param max_angle_deg: greatest angle of a hard pair, degrees; from 180 on it is not looked at.
-    :param view_axis: the body's axis that looks ahead, 'x' (robot) or 'z' (optical frame).
-    :param tolerance_ns: greatest time between an image and its pose.
+    :param radius_m: largest distance of a hard pair, meters.
+    :param max_angle_deg: largest angle of a hard pair, degrees; 180 or more disables the check.
+    :param view_axis: body axis that points forward, 'x' (robot) or 'z' (optical frame).
+    :param tolerance_ns: largest time difference between an image and its pose.
     """
 
     queries: Poses
@@ -76,7 +76,7 @@ class PoseTruth:
 
     @property
     def summary(self) -> str:
-        """Return in a few words what counts as the same place."""
+        """Return a short text that says when two images show the same place."""
         radius, angle = self.radius_m, self.max_angle_deg
         return (
             f'poses within {radius:g} m and {angle:g} deg '
@@ -84,12 +84,12 @@ class PoseTruth:
         )
 
     def truth(self, query_stamps_ns: Stamps, database_stamps_ns: Stamps) -> Truth:
-        """Return the truth for the images of these stamps."""
+        """Return the truth for the images with these stamps."""
         database = self._views(self.database, database_stamps_ns)
-        alike = self.queries is self.database and np.array_equal(
+        same_images = self.queries is self.database and np.array_equal(
             query_stamps_ns, database_stamps_ns
         )
-        queries = database if alike else self._views(self.queries, query_stamps_ns)
+        queries = database if same_images else self._views(self.queries, query_stamps_ns)
         hard = np.empty((len(query_stamps_ns), len(database_stamps_ns)), np.bool_)
         soft = np.empty_like(hard)
         for row, (position, direction) in enumerate(zip(*queries, strict=True)):
@@ -100,7 +100,7 @@ class PoseTruth:
         return Truth(hard, soft)
 
     def _views(self, poses: Poses, stamps_ns: Stamps) -> tuple[NDArray[np.float64], ...]:
-        """Return (n, 3) positions and (n, 3) directions of view of images, NaN without a pose."""
+        """Return (n, 3) positions and (n, 3) viewing directions of images; NaN without a pose."""
         index = match_poses(poses, stamps_ns, self.tolerance_ns)
         directions = (
             poses.view_directions(self.view_axis)
@@ -108,12 +108,14 @@ class PoseTruth:
             else np.zeros_like(poses.positions)
         )
         missing = (index < 0)[:, None]
-        return tuple(np.where(missing, np.nan, of[index]) for of in (poses.positions, directions))
+        return tuple(
+            np.where(missing, np.nan, values[index]) for values in (poses.positions, directions)
+        )
 
     def _within(
         self, factor: float, distance: NDArray[np.float64], angle: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Return (n,) bool, whether images are within the factor's radius and angle."""
+        """Return (n,) bool, True within `factor` times the radius and the angle."""
         max_angle = factor * self.max_angle_deg
         return (distance <= factor * self.radius_m) & (
             (angle <= max_angle) | (max_angle >= _ANY_ANGLE)
@@ -122,14 +124,16 @@ class PoseTruth:
 
 def load_matrices(path: Path, n_queries: int, n_database: int) -> tuple[Truth, int]:
     """
-    Read a ground-truth file of the data-set format.
+    Read a ground-truth file in the dataset format.
 
-    :param path: an npz with `hard` and `soft` (q, n), not 0 = match, and `min_gap` (a number).
-    :param n_queries: how many query images there are.
-    :param n_database: how many database images there are.
-    :return: the truth, and min_gap: in one sequence only images at least so many older count as
-        database; -1 where all do.
-    :raises PlaceRecognitionError: not readable, an array is missing, or of another shape.
+    :param path: npz file with `hard` and `soft` (q, n), nonzero for a match, and the number
+        `min_gap`.
+    :param n_queries: number of query images (q).
+    :param n_database: number of database images (n).
+    :return: the truth and min_gap. In a sequence an image is compared with images that are at
+        least min_gap images older; -1 means with all images.
+    :raises PlaceRecognitionError: the file cannot be read, or an array is missing or has a wrong
+        shape.
     """
     arrays = _load(path)
     images = (n_queries, n_database)
@@ -137,7 +141,7 @@ def load_matrices(path: Path, n_queries: int, n_database: int) -> tuple[Truth, i
         if arrays[name].shape != images:
             raise PlaceRecognitionError(
                 f'{path}: {name} has shape {arrays[name].shape}, but the images are {images}; '
-                'it needs a row for each query and a column for each database image, in the '
+                'it needs one row per query and one column per database image, in the '
                 'sorted order of the files'
             )
     if arrays['min_gap'].size != 1:

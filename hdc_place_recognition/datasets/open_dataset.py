@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How inputs are to be read."""
+"""Opens a bag or an image folder as a dataset, with its ground truth, camera and odometry."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from functools import partial
 from pathlib import Path
 
 from hdc_place_recognition.camera import Camera
-from hdc_place_recognition.datasets import bags, folders
+from hdc_place_recognition.datasets import bags
 from hdc_place_recognition.datasets.dataset import Dataset, Frames, GroundTruth, Mode
+from hdc_place_recognition.datasets.folders import FolderImages, read_poses
 from hdc_place_recognition.datasets.ground_truth import load_matrices, MatrixTruth, PoseTruth
 from hdc_place_recognition.datasets.poses import Poses
 from hdc_place_recognition.errors import PlaceRecognitionError
@@ -23,18 +24,20 @@ from hdc_place_recognition.recognition.keyframes import no_odometry, Odometry
 @dataclass(frozen=True)
 class Options:
     """
-    How inputs are to be read.
+    Options for opening a dataset.
 
-    :param topic: image topic, None for the bag's only one.
-    :param ground_truth_topic: of poses, None for no ground truth from the bag.
-    :param radius_m: images nearer than this show the same place.
-    :param max_angle_deg: if their directions of view differ by no more than this.
-    :param view_axis: axis of the body that looks ahead; None for x in bags, z in poses.csv.
-    :param pose_tolerance_s: greatest time between an image and its pose.
-    :param camera_info_topic: of the calibration, None if it does not matter.
-    :param odom_topic: that tells how far the robot has moved, None if it does not matter.
-    :param image_rectified: whether the images are rectified.
-    :param skip_bad: go on after messages that hold no image or whose stamp does not rise.
+    :param topic: image topic, None for the only image topic of the bag.
+    :param ground_truth_topic: pose topic for ground truth, None for none.
+    :param radius_m: images within this distance show the same place, if the angle allows it.
+    :param max_angle_deg: largest angle between the viewing directions of the same place.
+    :param view_axis: body axis that points forward; None for x in bags and z in poses.csv.
+    :param pose_tolerance_s: largest time difference between an image and its pose.
+    :param camera_info_topic: CameraInfo topic, None for no camera.
+    :param odom_topic: Odometry topic for keyframe selection, None for no odometry.
+    :param image_rectified: True if the images are rectified.
+    :param skip_bad: skip messages without a valid image and images whose stamp does not
+        increase, instead of raising an error.
+    :raises PlaceRecognitionError: the radius or the angle is not positive.
     """
 
     topic: str | None = None
@@ -48,10 +51,16 @@ class Options:
     image_rectified: bool = Params.image_rectified
     skip_bad: bool = False
 
+    def __post_init__(self) -> None:
+        for flag, value in (('--radius', self.radius_m), ('--max-angle', self.max_angle_deg)):
+            if not value > 0:
+                raise PlaceRecognitionError(f'{flag} {value:g}: must be above 0')
 
-# Images of a folder are one second apart, and seconds are images. All of them count: whoever made
-# the folder has selected them, and the metrics are about all pairs, exactly. A bag instead is
-# searched as the node does it.
+
+DEFAULT_OPTIONS = Options()
+# The images of a folder are already selected, so every image is stored and the metrics are exact
+# over all pairs. Their stamps are one second apart: a gap of n images is a gap of n seconds. A bag
+# is processed with the parameters of the node.
 _ALL_IMAGES: Mapping[str, Value] = {
     'min_interval_s': 0.0,
     'keyframe_similarity': 1.0,
@@ -61,7 +70,7 @@ _ALL_IMAGES: Mapping[str, Value] = {
 
 @dataclass(frozen=True)
 class _Source:
-    """One traverse: its images, and what else is known."""
+    """The images of one traverse with their poses, camera and odometry."""
 
     frames: Frames
     poses: Poses | None
@@ -71,24 +80,25 @@ class _Source:
     odometry: Odometry = no_odometry
 
 
-def open_dataset(path: Path, database: Path | None, options: Options) -> Dataset:
+def open_dataset(
+    path: Path, database: Path | None = None, options: Options = DEFAULT_OPTIONS
+) -> Dataset:
     """
-    Open one input.
+    Open a bag or an image folder as a dataset.
 
     :param path: a bag, or a folder with images/ (or images/ref and images/query).
-    :param database: another one that `path` is compared with, None to find loops within `path`.
-    :param options: how to read them.
-    :return: the data set; its mode follows from what is there.
-    :raises PlaceRecognitionError: something is missing, damaged, or does not fit together.
+    :param database: bag or folder of an earlier traverse that `path` is compared with; None to
+        find loops within `path`.
+    :param options: topics and ground-truth limits.
+    :return: the dataset; the mode depends on the content of the folder.
+    :raises PlaceRecognitionError: a file is missing or damaged, or files do not fit together.
     """
     name = path.resolve().name if path.is_dir() else path.stem
     if database is not None:
         return _traverses(name, _open(path, options), _open(database, options), path, options)
     if (path / 'images' / 'query').is_dir():
         query, reference = (
-            _Source(
-                folders.FolderImages.from_folder(path / 'images' / part), None, 'z', _ALL_IMAGES
-            )
+            _Source(FolderImages.from_folder(path / 'images' / part), None, 'z', _ALL_IMAGES)
             for part in ('query', 'ref')
         )
         return _traverses(name, query, reference, path, options)
@@ -96,7 +106,7 @@ def open_dataset(path: Path, database: Path | None, options: Options) -> Dataset
 
 
 def _single(name: str, source: _Source, path: Path, options: Options) -> Dataset:
-    """Return one sequence, or a set for retrieval if its ground truth says so."""
+    """Return a sequence, or a retrieval dataset if min_gap in gt.npz is negative."""
     matrices = _matrices(path, source.frames, source.frames)
     if matrices is None:
         truth = _pose_truth(source, source, options)
@@ -119,11 +129,11 @@ def _single(name: str, source: _Source, path: Path, options: Options) -> Dataset
 def _traverses(
     name: str, query: _Source, reference: _Source, path: Path, options: Options
 ) -> Dataset:
-    """Return two traverses; a ground-truth file is that of the queries' folder."""
+    """Return two traverses; gt.npz is read from the folder of the queries."""
     if options.odom_topic is not None:
         raise PlaceRecognitionError(
-            f'--odom-topic {options.odom_topic}: two traverses have no common odometry; leave it '
-            'out'
+            f'--odom-topic {options.odom_topic}: two traverses have no common odometry; remove '
+            'this option'
         )
     matrices = _matrices(path, query.frames, reference.frames)
     truth = matrices[0] if matrices else _pose_truth(query, reference, options)
@@ -133,18 +143,18 @@ def _traverses(
 
 
 def _open(path: Path, options: Options) -> _Source:
-    """Return the images and poses of one bag or folder."""
+    """Open the images and poses of one bag or folder."""
     if (path / 'images').is_dir():
-        frames = folders.FolderImages.from_folder(path / 'images')
+        frames = FolderImages.from_folder(path / 'images')
         file = path / 'poses.csv'
-        poses = folders.read_poses(file) if file.exists() else None
+        poses = read_poses(file) if file.exists() else None
         return _Source(frames, poses, options.view_axis or 'z', _ALL_IMAGES)
     if not path.exists():
         raise PlaceRecognitionError(f'{path} does not exist; give a bag or a folder of images')
     if path.is_dir() and not (path / 'metadata.yaml').exists():
         raise PlaceRecognitionError(
             f'{path} is neither a folder of images (it has no images/) nor a bag (it has no '
-            'metadata.yaml; `ros2 bag reindex` makes one)'
+            'metadata.yaml; `ros2 bag reindex` creates it)'
         )
     images = bags.BagImages.from_bag(path, options.topic, options.skip_bad)
     poses = (
@@ -161,14 +171,14 @@ def _open(path: Path, options: Options) -> _Source:
 
 
 def _camera(path: Path, options: Options) -> Camera | None:
-    """Return the camera of a bag, if it was asked for."""
+    """Return the camera of a bag, None if no topic is given."""
     if options.camera_info_topic is None:
         return None
     return bags.read_camera(path, options.camera_info_topic, rectified=options.image_rectified)
 
 
 def _odometry(path: Path, options: Options) -> Odometry:
-    """Return what tells of a bag where the robot was, if it was asked for."""
+    """Return the odometry of a bag, or `no_odometry` if no topic is given."""
     if options.odom_topic is None:
         return no_odometry
     poses = bags.read_poses(path, options.odom_topic, '--odom-topic')
@@ -176,19 +186,18 @@ def _odometry(path: Path, options: Options) -> Odometry:
 
 
 def _matrices(path: Path, queries: Frames, database: Frames) -> tuple[MatrixTruth, int] | None:
-    """Return what the ground-truth file of a folder says, and its min_gap; None if none is."""
+    """Read gt.npz of a folder; return the truth and min_gap, None if there is no such file."""
     file = path / 'gt.npz'
     if not (
-        file.exists()
-        and isinstance(queries, folders.FolderImages)
-        and isinstance(database, folders.FolderImages)
+        file.exists() and isinstance(queries, FolderImages) and isinstance(database, FolderImages)
     ):
         return None
-    whole, min_gap = load_matrices(file, len(queries), len(database))
-    return MatrixTruth(whole, queries.stamps_ns, database.stamps_ns), min_gap
+    matrices, min_gap = load_matrices(file, len(queries), len(database))
+    return MatrixTruth(matrices, queries.stamps_ns, database.stamps_ns), min_gap
 
 
 def _pose_truth(query: _Source, reference: _Source, options: Options) -> GroundTruth | None:
+    """Return ground truth from poses, None if a traverse has no poses."""
     if query.poses is None or reference.poses is None:
         return None
     return PoseTruth(

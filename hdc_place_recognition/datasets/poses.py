@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the camera was and when: poses by stamp, and the pose nearest to an image."""
+"""Poses by stamp, and the association of images with the nearest pose in time."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from numpy.typing import NDArray
 
 _log = logging.getLogger(__name__)
 
-MIN_MATCHED_SHARE = 0.5  # below it the stamps of poses and images are hardly of one clock
+# A smaller share means that poses and images are probably stamped by different clocks.
+MIN_MATCHED_SHARE = 0.5
 VIEW_AXES = ('x', 'z')
 
 
 @dataclass(frozen=True)
 class Poses:
     """
-    Poses of a body in one fixed frame.
+    Poses of a robot or camera in one fixed frame.
 
-    :param stamps_ns: (n,) int64, strictly rising.
-    :param positions: (n, 3) float64, metres, finite.
-    :param quaternions: (n, 4) float64 as x y z w, finite; any length but zero.
+    :param stamps_ns: (n,) int64, strictly increasing.
+    :param positions: (n, 3) float64, meters, finite.
+    :param quaternions: (n, 4) float64, x y z w, finite, not necessarily of unit length.
     """
 
     stamps_ns: Stamps
@@ -36,13 +37,14 @@ class Poses:
     @classmethod
     def from_rows(cls, stamps_ns: list[int], rows: list[list[float]], source: str) -> Poses:
         """
-        Return the poses in the order of their stamps; of equal stamps the last row counts.
+        Return poses sorted by stamp; for equal stamps the last row is used.
 
-        Rows that are not finite (a filter before it has started) are left out with a warning.
+        Rows with NaN or infinity are dropped with a warning. Some filters publish them before
+        they are initialized.
 
-        :param stamps_ns: a stamp a row.
-        :param rows: x y z of the position and x y z w of the quaternion.
-        :param source: where they are from, for messages.
+        :param stamps_ns: one stamp per row.
+        :param rows: x y z of the position in meters and x y z w of the quaternion.
+        :param source: file or topic, for error messages.
         :raises PlaceRecognitionError: no row is finite.
         """
         values = np.array(rows, np.float64).reshape(-1, 7)
@@ -51,7 +53,7 @@ class Poses:
             raise PlaceRecognitionError(f'{source} has no pose of finite numbers; choose another')
         if not finite.all():
             _log.warning(
-                '%s: %d of %d poses are not finite and left out',
+                '%s: dropped %d of %d poses that are not finite',
                 source,
                 np.count_nonzero(~finite),
                 len(finite),
@@ -62,7 +64,7 @@ class Poses:
         return cls(stamps, ordered[:, :3], ordered[:, 3:])
 
     def before(self, stamp_ns: int, tolerance_ns: int) -> Pose | None:
-        """Return the last pose up to a stamp, None where there is none within the tolerance."""
+        """Return the last pose at or before a stamp, None if it is older than the tolerance."""
         index = int(np.searchsorted(self.stamps_ns, stamp_ns, side='right')) - 1
         if index < 0 or stamp_ns - int(self.stamps_ns[index]) > tolerance_ns:
             return None
@@ -71,17 +73,18 @@ class Poses:
 
     def view_directions(self, axis: str) -> NDArray[np.float64]:
         """
-        Return the body's axis along which the camera looks, in the fixed frame.
+        Return the viewing direction of each pose in the fixed frame.
 
-        :param axis: 'x' for a robot's body that looks ahead, 'z' for a camera's optical frame.
-        :return: (n, 3) float64, unit vectors.
-        :raises PlaceRecognitionError: an orientation is all zeros.
+        :param axis: body axis that points forward: 'x' for a robot's base frame, 'z' for a
+            camera's optical frame.
+        :return: (n, 3) float64 unit vectors.
+        :raises PlaceRecognitionError: a quaternion is all zeros.
         """
         lengths = np.linalg.norm(self.quaternions, axis=1, keepdims=True)
         if not lengths.all():
             raise PlaceRecognitionError(
-                'a pose has the orientation 0 0 0 0, which is no quaternion; '
-                'use --max-angle 180 to compare positions alone'
+                'a pose has the orientation 0 0 0 0, which is not a valid quaternion; '
+                'use --max-angle 180 to compare only positions'
             )
         x, y, z, w = (self.quaternions / lengths).T
         rotation = {
@@ -93,12 +96,12 @@ class Poses:
 
 def match_poses(poses: Poses, stamps_ns: Stamps, tolerance_ns: int) -> NDArray[np.intp]:
     """
-    Return the index of the pose nearest in time to each image, -1 where none is near enough.
+    Return for each image the index of the nearest pose in time.
 
     :param poses: the poses.
-    :param stamps_ns: (n,) int64, the images' stamps.
-    :param tolerance_ns: largest gap between image and pose.
-    :return: (n,) intp.
+    :param stamps_ns: (n,) int64, stamps of the images.
+    :param tolerance_ns: largest time difference between image and pose.
+    :return: (n,) intp, -1 if no pose is within the tolerance.
     :raises PlaceRecognitionError: fewer than half of the images have a pose.
     """
     right = np.clip(np.searchsorted(poses.stamps_ns, stamps_ns), 0, len(poses.stamps_ns) - 1)
@@ -112,13 +115,13 @@ def match_poses(poses: Poses, stamps_ns: Stamps, tolerance_ns: int) -> NDArray[n
 
 
 def _report(matched: NDArray[np.bool_], gap: Stamps, tolerance_ns: int) -> None:
-    """Log how many images have a pose; raise if they are too few to judge by."""
+    """Log how many images have a pose; raise an error if fewer than half have one."""
     count, total = np.count_nonzero(matched), len(matched)
     if count < MIN_MATCHED_SHARE * total:
         raise PlaceRecognitionError(
             f'poses for only {count} of {total} images within {tolerance_ns / 1e9:g} s (nearest '
-            f'{gap.min() / 1e9:g} s away): are both stamped by one clock? '
-            '--odom-tolerance-s allows more'
+            f'{gap.min() / 1e9:g} s away); check that both are stamped by the same clock, '
+            'or increase --odom-tolerance-s'
         )
     largest = gap[matched].max() / 1e9 if count else 0.0
     _log.info('poses for %d of %d images (max. gap %.3g s)', count, total, largest)

@@ -1,39 +1,59 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the recogniser on a data set and measures what it says; reads and writes no files."""
+"""Runs the recognizer on a dataset and computes metrics; writes no files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+import logging
+from pathlib import Path
+from typing import Any
 
 from hdc_place_recognition.datasets.dataset import Dataset, Frames, GroundTruth
+from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.evaluation import metrics
 from hdc_place_recognition.evaluation.metrics import (
+    area_best_match,
+    average_precision,
+    average_precision_100,
     Closures,
     count_closures,
-    judge,
+    Label,
+    label_matches,
     Pairs,
-    Verdict,
+    recall_at_full_precision,
+    recall_at_k,
 )
 from hdc_place_recognition.evaluation.replay import Progress, replay
-from hdc_place_recognition.evaluation.run_log import Recording
+from hdc_place_recognition.evaluation.run_log import RunLog
 from hdc_place_recognition.params.table import Params
+from hdc_place_recognition.recognition.factory import create_recognizer, limited_threads
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
 from hdc_place_recognition.results import Candidate
 import numpy as np
 
+_log = logging.getLogger(__name__)
+
 STAGES = ('read', 'extract', 'encode', 'keypoints', 'query', 'insert', 'verify')
+_CLOSURE_METRICS = (
+    'closures_true',
+    'closures_false',
+    'closures_ignored',
+    'queries_with_match',
+    'precision',
+    'recall',
+)
 
 
 @dataclass(frozen=True)
 class Ranking:
     """
-    How well the images are ranked, by the functions of the same names in metrics.
+    How well images are ranked: the metrics of the same names in evaluation/metrics.py.
 
-    By similarity over all pairs. The last two are about the best match of each query: by score,
-    among the candidates it reported, if these were verified; else by similarity.
+    The first five metrics rank all pairs by similarity. The last two use the best match of each
+    query: the candidate of highest score if candidates are verified, otherwise the image of
+    highest similarity.
     """
 
     average_precision: float | None = None
@@ -48,14 +68,14 @@ class Ranking:
 @dataclass(frozen=True)
 class Cost:
     """
-    What the run took.
+    Time and memory of a run.
 
-    :param ms_per_image: mean milliseconds of each of STAGES over the images that went through it
-        (0 if none did), and under 'total' their sum.
-    :param images: how many were processed, of both traverses if there are two.
-    :param images_passed_over: how many were not, because of their stamps.
+    :param ms_per_image: mean milliseconds of each stage of STAGES, over the images that went
+        through the stage (0 if there are none); 'total' is their sum.
+    :param images: number of processed images, of both traverses if there are two.
+    :param images_passed_over: number of images that were skipped because of their stamps.
     :param features_per_image: mean number of local features.
-    :param database_bytes: memory of the database at the end.
+    :param database_bytes: memory of the database at the end of the run.
     """
 
     ms_per_image: Mapping[str, float]
@@ -66,20 +86,20 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Scores:
     """
-    What the ground truth says of a run.
+    The result of comparing a run with ground truth.
 
     :param pairs: similarities and ground truth of all pairs.
-    :param ranking: how well the similarities rank the images.
-    :param closures: the accepted candidates, counted.
-    :param verdicts: on each candidate, in the order of Evaluation.candidates.
+    :param ranking: how well images are ranked.
+    :param closures: counts of the accepted candidates.
+    :param labels: label of each candidate, in the order of Evaluation.candidates.
     """
 
     pairs: Pairs
     ranking: Ranking
     closures: Closures
-    verdicts: tuple[Verdict, ...]
+    labels: tuple[Label, ...]
 
 
 @dataclass(frozen=True)
@@ -87,105 +107,196 @@ class Evaluation:
     """
     The result of one evaluation.
 
-    :param dataset: what was evaluated.
-    :param params: in force at the end.
-    :param recording: all that the recogniser said.
-    :param cost: what it took.
-    :param judgement: None without ground truth.
+    :param dataset: the evaluated dataset.
+    :param params: parameters at the end of the run.
+    :param run_log: all detections.
+    :param identity: of the local features.
+    :param cost: time and memory.
+    :param scores: comparison with ground truth, None without ground truth.
     """
 
     dataset: Dataset
     params: Params
-    recording: Recording
+    run_log: RunLog
+    identity: str
     cost: Cost
-    judgement: Judgement | None
+    scores: Scores | None
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Return all candidates, accepted or not, in the order of the queries, best first."""
-        return tuple(each for said in self.recording.detections for each in said.candidates)
+        return tuple(
+            candidate
+            for detection in self.run_log.detections
+            for candidate in detection.candidates
+        )
 
     @property
-    def verdicts(self) -> Sequence[Verdict | None]:
-        """Return the verdict on each of the candidates; None where there is no ground truth."""
-        return self.judgement.verdicts if self.judgement else [None] * len(self.candidates)
+    def labels(self) -> Sequence[Label | None]:
+        """Return the label of each candidate; None without ground truth."""
+        return self.scores.labels if self.scores else [None] * len(self.candidates)
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """
+        Return the content of metrics.json.
+
+        A value is None without ground truth, or if the metric is not defined. `closures` counts
+        accepted candidates without regard to ground truth.
+        """
+        return {
+            'name': self.dataset.name,
+            **asdict(self.scores.ranking if self.scores else Ranking()),
+            'closures': sum(candidate.accepted for candidate in self.candidates),
+            **_closure_metrics(self.scores),
+            **asdict(self.cost),
+        }
 
 
 def without_progress(frames: Frames, label: str) -> Frames:
-    """Return the frames as they are: nobody watches."""
+    """Return the frames unchanged: no progress bar."""
     del label
     return frames
+
+
+def evaluate_input(
+    path: str | Path,
+    *,
+    database: str | Path | None = None,
+    topic: str | None = None,
+    ground_truth_topic: str | None = None,
+    radius_m: float = Options.radius_m,
+    max_angle_deg: float = Options.max_angle_deg,
+    view_axis: str | None = None,
+    camera_info_topic: str | None = None,
+    odom_topic: str | None = None,
+    skip_bad: bool = False,
+    progress: Progress = without_progress,
+    **params: Any,
+) -> Evaluation:
+    """
+    Evaluate a bag or an image folder, like the command hdc_evaluate.
+
+    The options are those of :class:`Options`; all other keywords are parameters by name.
+
+    :param path: a bag, or a folder with images/ (or images/ref and images/query).
+    :param database: earlier traverse that `path` is compared with; None finds loops in `path`.
+    :raises PlaceRecognitionError: an input, an option or a parameter is invalid.
+    """
+    settings = Params.from_dict(params)
+    options = Options(
+        topic=topic,
+        ground_truth_topic=ground_truth_topic,
+        radius_m=radius_m,
+        max_angle_deg=max_angle_deg,
+        view_axis=view_axis,
+        pose_tolerance_s=settings.odom_tolerance_s,
+        camera_info_topic=camera_info_topic,
+        odom_topic=odom_topic,
+        image_rectified=settings.image_rectified,
+        skip_bad=skip_bad,
+    )
+    dataset = open_dataset(Path(path), None if database is None else Path(database), options)
+    return evaluate_dataset(dataset, settings, progress)
+
+
+def evaluate_dataset(
+    dataset: Dataset, params: Params, progress: Progress = without_progress
+) -> Evaluation:
+    """
+    Evaluate a new recognizer with the parameters and the overrides of the dataset.
+
+    The threads of BLAS and OpenCV are those of the parameters until it returns.
+
+    :raises PlaceRecognitionError: see :func:`evaluate` and :func:`create_recognizer`.
+    """
+    params = params.replace(**dataset.overrides)
+    with limited_threads(params):
+        recognizer = create_recognizer(params)
+        _log.info('%s: local features are %s', dataset.name, recognizer.identity)
+        return evaluate(dataset, recognizer, progress)
 
 
 def evaluate(
     dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress = without_progress
 ) -> Evaluation:
     """
-    Run a recogniser on a data set and measure what it says.
+    Run a recognizer on a dataset and compute the metrics.
 
-    The caller has set the parameters that the data set fixes (`dataset.overrides`).
+    The caller applies `dataset.overrides` to the parameters of the recognizer.
 
     :param dataset: images and ground truth.
-    :param recognizer: with an empty database; it keeps what it learns.
-    :param progress: wraps the images that are gone through, given a label.
-    :return: metrics, and the candidates they are about.
-    :raises PlaceRecognitionError: an image can not be read, too few images have a pose, or no
+    :param recognizer: recognizer with an empty database; the images are added to it.
+    :param progress: wraps the frames to show a progress bar.
+    :return: detections and metrics.
+    :raises PlaceRecognitionError: an image cannot be read, too few images have a pose, or no
         image was processed.
     """
-    recording = replay(dataset, recognizer, progress)
-    if not recording.detections:
+    run_log = replay(dataset, recognizer, progress)
+    if not run_log.detections:
         raise PlaceRecognitionError(f'{dataset.name}: no image was processed; nothing to evaluate')
+    truth = dataset.ground_truth
     return Evaluation(
         dataset=dataset,
         params=recognizer.params,
-        recording=recording,
-        cost=_cost(recording, recognizer.database.nbytes),
-        judgement=_judge(recording, dataset.ground_truth, recognizer.verifies)
-        if dataset.ground_truth
-        else None,
+        run_log=run_log,
+        identity=recognizer.identity,
+        cost=_cost(run_log, recognizer.database.nbytes),
+        scores=_scores(run_log, truth, recognizer.verifies) if truth else None,
     )
 
 
-def rank(pairs: Pairs, scored: Pairs) -> Ranking:
+def rank(pairs: Pairs, best_match_pairs: Pairs) -> Ranking:
     """
-    Return the metrics that do not look at what was accepted.
+    Return the metrics that do not depend on which candidates are accepted.
 
-    :param pairs: with similarities.
-    :param scored: with what decides on the best match of each query.
+    :param pairs: pairs with similarities, for the metrics over all pairs.
+    :param best_match_pairs: pairs with the values that select the best match of each query.
     """
     return Ranking(
-        average_precision=metrics.average_precision(pairs),
-        average_precision_100=metrics.average_precision_100(pairs),
-        recall_at_1=metrics.recall_at_k(pairs, 1),
-        recall_at_5=metrics.recall_at_k(pairs, 5),
-        recall_at_10=metrics.recall_at_k(pairs, 10),
-        recall_at_full_precision=metrics.recall_at_full_precision(scored),
-        area_best_match=metrics.area_best_match(scored),
+        average_precision=average_precision(pairs),
+        average_precision_100=average_precision_100(pairs),
+        recall_at_1=recall_at_k(pairs, 1),
+        recall_at_5=recall_at_k(pairs, 5),
+        recall_at_10=recall_at_k(pairs, 10),
+        recall_at_full_precision=recall_at_full_precision(best_match_pairs),
+        area_best_match=area_best_match(best_match_pairs),
     )
 
 
-def _judge(recording: Recording, ground_truth: GroundTruth, verified: bool) -> Judgement:
-    truth = ground_truth.truth(recording.query_stamps_ns, recording.database_stamps_ns)
-    pairs = Pairs(recording.similarity_matrix(), truth.hard, truth.soft, recording.eligible)
-    scored = replace(pairs, similarities=recording.score_matrix()) if verified else pairs
-    accepted = recording.cells(accepted_only=True)
-    return Judgement(
+def _scores(run_log: RunLog, ground_truth: GroundTruth, verified: bool) -> Scores:
+    """Compare a run with ground truth."""
+    truth = ground_truth.truth(run_log.query_stamps_ns, run_log.database_stamps_ns)
+    pairs = Pairs(run_log.similarity_matrix(), truth.hard, truth.soft, run_log.eligible)
+    by_score = replace(pairs, similarities=run_log.score_matrix()) if verified else pairs
+    accepted = run_log.cells(accepted_only=True)
+    return Scores(
         pairs=pairs,
-        ranking=rank(pairs, scored),
+        ranking=rank(pairs, by_score),
         closures=count_closures(accepted, truth.hard, truth.soft, pairs.has_match),
-        verdicts=tuple(judge(recording.cells(), truth.hard, truth.soft)),
+        labels=tuple(label_matches(run_log.cells(), truth.hard, truth.soft)),
     )
 
 
-def _cost(recording: Recording, database_bytes: int) -> Cost:
+def _cost(run_log: RunLog, database_bytes: int) -> Cost:
+    """Return time and memory of a run."""
     means = {}
     for stage in STAGES:
-        spent = [each[stage] for each in recording.milliseconds if stage in each]
-        means[stage] = float(np.mean(spent)) if spent else 0.0
+        times = [times[stage] for times in run_log.milliseconds if stage in times]
+        means[stage] = float(np.mean(times)) if times else 0.0
     return Cost(
         ms_per_image={**means, 'total': sum(means.values())},
-        images=len(recording.features),
-        images_passed_over=recording.passed_over,
-        features_per_image=float(np.mean(recording.features)),
+        images=len(run_log.features),
+        images_passed_over=run_log.skipped,
+        features_per_image=float(np.mean(run_log.features)),
         database_bytes=database_bytes,
     )
+
+
+def _closure_metrics(scores: Scores | None) -> dict[str, float | None]:
+    """Return the metrics of the accepted candidates, all None without ground truth."""
+    if scores is None:
+        return dict.fromkeys(_CLOSURE_METRICS)
+    found = scores.closures
+    counts = (found.true, found.false, found.ignored, found.queries_with_match)
+    return dict(zip(_CLOSURE_METRICS, (*counts, found.precision, found.recall), strict=True))

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of an evaluation; needs matplotlib, the extra [plot]."""
+"""Plots of an evaluation. Matplotlib (extra `plot`) is imported when a plot is drawn."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 
 from hdc_place_recognition.datasets.dataset import Frames
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.evaluation.evaluate import Evaluation, Judgement
-from hdc_place_recognition.evaluation.metrics import best_match_curve, precision_recall, Verdict
+from hdc_place_recognition.evaluation.evaluate import Evaluation, Scores
+from hdc_place_recognition.evaluation.metrics import best_match_curve, Label, precision_recall
 from hdc_place_recognition.evaluation.run_log import NOT_FOUND
 from hdc_place_recognition.results import Candidate
 import numpy as np
@@ -20,44 +20,48 @@ from numpy.typing import NDArray
 
 _SHOWN_PAIRS = 4
 _CALIBRATION_BINS = 10
-_CONTRAST = (2.0, 99.8)  # percentiles of the similarities that are drawn white and black
-# Colours that the colour-blind can tell apart.
-_COLOURS = {
-    Verdict.TRUE: '#0072b2',
-    Verdict.FALSE: '#d55e00',
-    Verdict.IGNORED: '#999999',
+_CONTRAST = (2.0, 99.8)  # percentiles of similarity drawn as white and black
+# A palette for color-blind readers (Okabe and Ito).
+_COLORS = {
+    Label.TRUE: '#0072b2',
+    Label.FALSE: '#d55e00',
+    Label.IGNORED: '#999999',
     None: '#0072b2',
 }
 
 
 def require_matplotlib() -> None:
-    """Raise the error that names the extra, if matplotlib is not installed."""
+    """
+    Check that matplotlib is installed, before a long run.
+
+    :raises PlaceRecognitionError: it is not installed.
+    """
     if find_spec('matplotlib') is None:
         raise PlaceRecognitionError(
-            '--plot needs matplotlib, which is not installed: '
+            'plots need the package matplotlib, which is not installed: '
             "pip install 'hdc_place_recognition[plot]'"
         )
 
 
 def draw(evaluation: Evaluation, folder: Path) -> None:
     """
-    Draw the similarity matrix beside matched images, and the precision-recall curves.
+    Draw the similarity matrix with matched images, and the precision-recall curves.
 
-    :param evaluation: what to draw.
-    :param folder: where closures.png is written, and with ground truth precision_recall.png.
+    :param evaluation: the evaluation.
+    :param folder: output folder of closures.png and, with ground truth, precision_recall.png.
     """
     _draw_closures(evaluation, folder / 'closures.png')
-    if evaluation.judgement is not None:
-        _draw_curves(evaluation, evaluation.judgement, folder / 'precision_recall.png')
+    if evaluation.scores is not None:
+        _draw_curves(evaluation, evaluation.scores, folder / 'precision_recall.png')
 
 
 def draw_calibration(scores: NDArray[np.float64], true: NDArray[np.bool_], file: Path) -> None:
     """
-    Draw the share of true closures among candidates of like scores over these scores.
+    Draw a reliability diagram: share of true closures over predicted score, in ten bins.
 
     :param scores: (n,) predicted probabilities.
-    :param true: (n,) bool, whether the candidates are true closures.
-    :param file: where the picture is written.
+    :param true: (n,) bool, True for a true closure.
+    :param file: output image file.
     """
     bins = np.minimum((scores * _CALIBRATION_BINS).astype(int), _CALIBRATION_BINS - 1)
     counts = np.bincount(bins, minlength=_CALIBRATION_BINS)
@@ -67,30 +71,33 @@ def draw_calibration(scores: NDArray[np.float64], true: NDArray[np.bool_], file:
     figure = _figure(4.5, 4.5)
     axes = figure.add_subplot(xlabel='score', ylabel='share of true closures', aspect='equal')
     axes.plot([0, 1], [0, 1], color='#999999', linewidth=1)
-    axes.plot(predicted, observed, marker='o', color=_COLOURS[Verdict.TRUE])
+    axes.plot(predicted, observed, marker='o', color=_COLORS[Label.TRUE])
     for x, y, count in zip(predicted, observed, counts[filled], strict=True):
         axes.annotate(str(count), (x, y), xytext=(4, -10), textcoords='offset points', fontsize=7)
     figure.savefig(file)
 
 
 def _figure(width: float, height: float) -> Any:
-    # Only here, as the package is optional; and no pyplot, which keeps every figure alive.
+    """Return a new figure; the size is in inches."""
+    require_matplotlib()
+    # Not pyplot: it keeps every figure in memory.
     from matplotlib.figure import Figure
 
     return Figure((width, height), dpi=120, layout='constrained')
 
 
-def _draw_curves(evaluation: Evaluation, judgement: Judgement, file: Path) -> None:
+def _draw_curves(evaluation: Evaluation, scores: Scores, file: Path) -> None:
+    """Draw both precision-recall curves and the operating point."""
     figure = _figure(4.5, 4)
     axes = figure.subplots()
     curves = {
-        'all pairs': precision_recall(judgement.pairs),
-        'best match per query': best_match_curve(judgement.pairs),
+        'all pairs': precision_recall(scores.pairs),
+        'best match per query': best_match_curve(scores.pairs),
     }
     for name, curve in curves.items():
         if curve is not None:
             axes.plot(curve.recall, curve.precision, label=f'{name}: area {curve.area:.3f}')
-    closures = judgement.closures
+    closures = scores.closures
     if closures.precision is not None and closures.recall is not None:
         axes.plot(closures.recall, closures.precision, 'k*', label='accepted', clip_on=False)
     axes.set(
@@ -105,6 +112,7 @@ def _draw_curves(evaluation: Evaluation, judgement: Judgement, file: Path) -> No
 
 
 def _draw_closures(evaluation: Evaluation, file: Path) -> None:
+    """Draw the similarity matrix and some matched image pairs."""
     pairs = _shown_pairs(evaluation)
     figure = _figure(11 if pairs else 5.5, 5)
     left, *right = figure.subfigures(1, 2 if pairs else 1, squeeze=False)[0]
@@ -115,10 +123,10 @@ def _draw_closures(evaluation: Evaluation, file: Path) -> None:
 
 
 def _draw_matrix(axes: Any, evaluation: Evaluation) -> None:
-    """Draw the similarities that were compared, and a ring round each accepted candidate."""
-    recording = evaluation.recording
-    similarities = recording.similarity_matrix()
-    known = recording.eligible & (similarities > NOT_FOUND)
+    """Draw the similarity matrix with a ring around each accepted candidate."""
+    run_log = evaluation.run_log
+    similarities = run_log.similarity_matrix()
+    known = run_log.eligible & (similarities > NOT_FOUND)
     low, high = np.percentile(similarities[known], _CONTRAST) if known.any() else (0, 1)
     picture = axes.imshow(
         np.where(known, similarities, np.nan),
@@ -128,42 +136,42 @@ def _draw_matrix(axes: Any, evaluation: Evaluation) -> None:
         interpolation='nearest',
     )
     axes.figure.colorbar(picture, ax=axes, label='similarity', shrink=0.8, extend='both')
-    cells = np.array(recording.cells(accepted_only=True)).reshape(-1, 2)
-    verdicts = [verdict for _, verdict in _accepted(evaluation)]
-    for verdict, colour in _COLOURS.items():
-        columns, rows = cells[[each is verdict for each in verdicts]].T[::-1]
+    cells = np.array(run_log.cells(accepted_only=True)).reshape(-1, 2)
+    labels = [label for _, label in _accepted(evaluation)]
+    for label, color in _COLORS.items():
+        columns, rows = cells[[found is label for found in labels]].T[::-1]
         if len(rows):
-            label = f'{len(rows)} {verdict.value if verdict else "accepted"}'
-            axes.scatter(columns, rows, s=24, facecolors='none', edgecolors=colour, label=label)
+            text = f'{len(rows)} {label.value if label else "accepted"}'
+            axes.scatter(columns, rows, s=24, facecolors='none', edgecolors=color, label=text)
             axes.legend(loc='upper right', title='closures')
     axes.set(xlabel='database image', ylabel='query image', title=evaluation.dataset.name)
 
 
-def _accepted(evaluation: Evaluation) -> list[tuple[Candidate, Verdict | None]]:
-    """Return the accepted candidates, in the order of the queries, best first."""
-    judged = zip(evaluation.candidates, evaluation.verdicts, strict=True)
-    return [(candidate, verdict) for candidate, verdict in judged if candidate.accepted]
+def _accepted(evaluation: Evaluation) -> list[tuple[Candidate, Label | None]]:
+    """Return the accepted candidates in the order of the queries, best first."""
+    labeled = zip(evaluation.candidates, evaluation.labels, strict=True)
+    return [(candidate, label) for candidate, label in labeled if candidate.accepted]
 
 
-def _shown_pairs(evaluation: Evaluation) -> list[tuple[Candidate, Verdict | None]]:
-    """Return the best accepted candidates of a few queries, spread evenly over the run."""
-    best: dict[int, tuple[Candidate, Verdict | None]] = {}
-    for candidate, verdict in _accepted(evaluation):
-        best.setdefault(candidate.query_stamp_ns, (candidate, verdict))
+def _shown_pairs(evaluation: Evaluation) -> list[tuple[Candidate, Label | None]]:
+    """Return the best accepted candidates of four queries at equal distances in the run."""
+    best: dict[int, tuple[Candidate, Label | None]] = {}
+    for candidate, label in _accepted(evaluation):
+        best.setdefault(candidate.query_stamp_ns, (candidate, label))
     found = list(best.values())
     chosen = np.linspace(0, len(found) - 1, min(_SHOWN_PAIRS, len(found)))
     return [found[index] for index in np.rint(chosen).astype(int)]
 
 
 def _draw_pairs(
-    figure: Any, evaluation: Evaluation, pairs: list[tuple[Candidate, Verdict | None]]
+    figure: Any, evaluation: Evaluation, pairs: list[tuple[Candidate, Label | None]]
 ) -> None:
-    """Draw each query beside its match, framed in the colour of the verdict."""
+    """Draw each query next to its match; the frame color shows the label."""
     dataset = evaluation.dataset
     queries = _images(dataset.queries, {pair.query_stamp_ns for pair, _ in pairs})
     database = dataset.queries if dataset.reference is None else dataset.reference
     matches = _images(database, {pair.match_stamp_ns for pair, _ in pairs})
-    for row, (pair, verdict) in zip(
+    for row, (pair, label) in zip(
         figure.subplots(len(pairs), 2, squeeze=False), pairs, strict=True
     ):
         images = (queries[pair.query_stamp_ns], matches[pair.match_stamp_ns])
@@ -174,7 +182,7 @@ def _draw_pairs(
             axes.set_title(title, fontsize=8)
             axes.set(xticks=[], yticks=[])
             for edge in axes.spines.values():
-                edge.set(color=_COLOURS[verdict], linewidth=2)
+                edge.set(color=_COLORS[label], linewidth=2)
 
 
 def _seconds(stamp_ns: int) -> str:
@@ -182,8 +190,8 @@ def _seconds(stamp_ns: int) -> str:
 
 
 def _images(frames: Frames, stamps_ns: Collection[int]) -> dict[int, NDArray[np.uint8]]:
-    """Return the images of some stamps as RGB."""
-    return {stamp_ns: _rgb(image) for stamp_ns, image in frames if stamp_ns in stamps_ns}
+    """Return the images with the given stamps as RGB."""
+    return {frame.stamp_ns: _rgb(frame.image) for frame in frames if frame.stamp_ns in stamps_ns}
 
 
 def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Shows the images of a data set to the recogniser, in one of three orders."""
+"""Runs the recognizer on the images of a dataset, in one of three modes."""
 
 from __future__ import annotations
 
@@ -8,37 +8,40 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-from hdc_place_recognition.datasets.dataset import Dataset, Frame, Frames, Mode, Stamps
+from hdc_place_recognition.datasets.dataset import Dataset, Frames, Mode, Stamps
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.evaluation.run_log import NOT_STORED, Recording
+from hdc_place_recognition.evaluation.run_log import NOT_STORED, RunLog
 from hdc_place_recognition.recognition.frame_filter import FrameFilter, nanoseconds
 from hdc_place_recognition.recognition.recognizer import Observation, PlaceRecognizer
-from hdc_place_recognition.results import Detection, SKIPPED
-from hdc_place_recognition.results import Frame as RecognizerFrame
+from hdc_place_recognition.results import Detection, Frame, SKIPPED
 import numpy as np
 from numpy.typing import NDArray
 
-Progress = Callable[[Frames, str], Iterable[Frame]]  # wraps images that are gone through, labelled
+# Wraps frames, given a label, to show a progress bar.
+Progress = Callable[[Frames, str], Iterable[Frame]]
 
 
-def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) -> Recording:
+def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) -> RunLog:
     """
-    Show all images of a data set to a recogniser, in the order that its mode says.
+    Run a recognizer on all images of a dataset.
 
-    :param dataset: the images.
-    :param recognizer: with an empty database.
-    :param progress: wraps the images that are gone through.
-    :return: what it said.
-    :raises PlaceRecognitionError: the database is not empty or forgets, or an image is bad.
+    :param dataset: images, and the mode that determines their order.
+    :param recognizer: recognizer with an empty database.
+    :param progress: wraps the frames to show a progress bar.
+    :return: all detections, with the data that metrics need.
+    :raises PlaceRecognitionError: the database is not empty or has a limit, or an image cannot be
+        read.
     """
     if len(recognizer.database):
         raise PlaceRecognitionError(
             f'the database already holds {len(recognizer.database)} images; '
-            'an evaluation begins with an empty one'
+            'an evaluation needs an empty one'
         )
     for name in ('max_keyframes', 'max_database_mb'):
         if limit := getattr(recognizer.params, name):
-            raise PlaceRecognitionError(f'{name} {limit:g}: an evaluation needs all; set it to 0')
+            raise PlaceRecognitionError(
+                f'{name} {limit:g}: an evaluation needs all images; set it to 0'
+            )
     traverse = recognizer.traverse()
     traverse.camera, traverse.odometry = dataset.camera, dataset.odometry
     if dataset.mode is Mode.SEQUENCE:
@@ -48,90 +51,86 @@ def replay(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) ->
     return _replay_traverses(dataset, dataset.reference, recognizer, progress)
 
 
-def _replay_sequence(
-    dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress
-) -> Recording:
+def _replay_sequence(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) -> RunLog:
     """Process each image in order, as the node does."""
     reader = _Reader(progress(dataset.queries, dataset.name))
     detections = []
-    for stamp_ns, image, read_ms in reader:
-        detection = recognizer.process(RecognizerFrame(stamp_ns, image))
+    for frame, read_ms in reader:
+        detection = recognizer.process(frame)
         if detection.status not in SKIPPED:
             timed = {'read': read_ms, **detection.milliseconds}
             detections.append(replace(detection, milliseconds=timed))
     stamps_ns = np.array([detection.stamp_ns for detection in detections], np.int64)
-    rows = _rows(detection.keyframe_id for detection in detections)
-    return Recording(
+    keyframe_ids = _id_array(detection.keyframe_id for detection in detections)
+    return RunLog(
         detections=tuple(detections),
         database_stamps_ns=stamps_ns,
-        rows=rows,
-        eligible=_older(detections, stamps_ns, rows, recognizer.params.exclude_recent_s),
+        keyframe_ids=keyframe_ids,
+        eligible=_older(detections, stamps_ns, keyframe_ids, recognizer.params.exclude_recent_s),
         features=tuple(detection.n_features for detection in detections),
         milliseconds=tuple(detection.milliseconds for detection in detections),
-        passed_over=reader.count - len(detections),
+        skipped=reader.count - len(detections),
     )
 
 
 def _replay_traverses(
     dataset: Dataset, reference: Frames, recognizer: PlaceRecognizer, progress: Progress
-) -> Recording:
-    """Learn the reference, then only ask for each query."""
+) -> RunLog:
+    """Store the reference images, then search for each query."""
     references = _Reader(progress(reference, f'{dataset.name} reference'))
-    learned = [_learn(recognizer, each) for each in _describe(references, recognizer)]
+    stored = [_store(recognizer, observed) for observed in _observe(references, recognizer)]
     recognizer.start_traverse()
     queries = _Reader(progress(dataset.queries, dataset.name))
-    detections = [_recognize(recognizer, each) for each in _describe(queries, recognizer)]
-    return Recording(
+    detections = [_recognize(recognizer, observed) for observed in _observe(queries, recognizer)]
+    return RunLog(
         detections=tuple(detections),
-        database_stamps_ns=np.array([each.stamp_ns for each in learned], np.int64),
-        rows=_rows(each.keyframe_id for each in learned),
-        eligible=np.ones((len(detections), len(learned)), np.bool_),
+        database_stamps_ns=np.array([image.stamp_ns for image in stored], np.int64),
+        keyframe_ids=_id_array(image.keyframe_id for image in stored),
+        eligible=np.ones((len(detections), len(stored)), np.bool_),
         features=(
-            *(each.n_features for each in learned),
-            *(each.n_features for each in detections),
+            *(image.n_features for image in stored),
+            *(detection.n_features for detection in detections),
         ),
         milliseconds=(
-            *(each.milliseconds for each in learned),
-            *(each.milliseconds for each in detections),
+            *(image.milliseconds for image in stored),
+            *(detection.milliseconds for detection in detections),
         ),
-        passed_over=references.count + queries.count - len(learned) - len(detections),
+        skipped=references.count + queries.count - len(stored) - len(detections),
     )
 
 
-def _replay_retrieval(
-    dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress
-) -> Recording:
-    """Learn all images, then ask for each among the others."""
+def _replay_retrieval(dataset: Dataset, recognizer: PlaceRecognizer, progress: Progress) -> RunLog:
+    """Store all images, then search for each image among all others."""
     reader = _Reader(progress(dataset.queries, dataset.name))
-    descriptions = list(_describe(reader, recognizer))
-    learned = [_learn(recognizer, each) for each in descriptions]
+    observations = list(_observe(reader, recognizer))
+    stored = [_store(recognizer, observed) for observed in observations]
     detections = [
-        _recognize(recognizer, description, itself.keyframe_id)
-        for description, itself in zip(descriptions, learned, strict=True)
+        _recognize(recognizer, observed, image.keyframe_id)
+        for observed, image in zip(observations, stored, strict=True)
     ]
-    return Recording(
+    return RunLog(
         detections=tuple(detections),
-        database_stamps_ns=np.array([each.stamp_ns for each in learned], np.int64),
-        rows=_rows(each.keyframe_id for each in learned),
-        eligible=~np.eye(len(learned), dtype=np.bool_),
-        features=tuple(each.n_features for each in learned),
+        database_stamps_ns=np.array([image.stamp_ns for image in stored], np.int64),
+        keyframe_ids=_id_array(image.keyframe_id for image in stored),
+        eligible=~np.eye(len(stored), dtype=np.bool_),
+        features=tuple(image.n_features for image in stored),
         milliseconds=tuple(
-            {**itself.milliseconds, **detection.milliseconds}
-            for itself, detection in zip(learned, detections, strict=True)
+            {**image.milliseconds, **detection.milliseconds}
+            for image, detection in zip(stored, detections, strict=True)
         ),
-        passed_over=reader.count - len(learned),
+        skipped=reader.count - len(stored),
     )
 
 
 @dataclass
 class _Reader:
-    """Goes through frames, counting them and timing how long each took to be read."""
+    """Iterates over frames, counts them, and measures the time to read each one."""
 
     frames: Iterable[Frame]
     count: int = 0
 
-    def __iter__(self) -> Iterator[tuple[int, NDArray[np.uint8], float]]:
-        """Yield stamp, image and milliseconds."""
+    def __iter__(self) -> Iterator[tuple[Frame, float]]:
+        """Yield each frame with its read time in milliseconds."""
         frames = iter(self.frames)
         while True:
             start = perf_counter()
@@ -139,12 +138,12 @@ class _Reader:
             if frame is None:
                 return
             self.count += 1
-            yield *frame, _since(start)
+            yield frame, _since(start)
 
 
 @dataclass(frozen=True)
-class _Learned:
-    """An image that was shown in order to be stored."""
+class _Stored:
+    """An image that was offered to the database; the id is None if it was not stored."""
 
     stamp_ns: int
     keyframe_id: int | None
@@ -165,20 +164,20 @@ class _Observed:
         return {'read': self.read_ms, **self.observation.watch.milliseconds}
 
 
-def _describe(reader: _Reader, recognizer: PlaceRecognizer) -> Iterator[_Observed]:
-    """Yield the description of each image that is not too near to the one before."""
-    selector = FrameFilter()
+def _observe(reader: _Reader, recognizer: PlaceRecognizer) -> Iterator[_Observed]:
+    """Yield each image that is not skipped because of its stamp."""
+    frame_filter = FrameFilter()
     min_interval_ns = nanoseconds(recognizer.params.min_interval_s)
-    for stamp_ns, image, read_ms in reader:
-        if selector.accept(stamp_ns, min_interval_ns) is None:
-            yield _Observed(recognizer.observe(RecognizerFrame(stamp_ns, image)), read_ms)
+    for frame, read_ms in reader:
+        if frame_filter.accept(frame.stamp_ns, min_interval_ns) is None:
+            yield _Observed(recognizer.observe(frame), read_ms)
 
 
-def _learn(recognizer: PlaceRecognizer, observed: _Observed) -> _Learned:
+def _store(recognizer: PlaceRecognizer, observed: _Observed) -> _Stored:
     start, observation = perf_counter(), observed.observation
-    row = recognizer.store(observation).keyframe_id
+    keyframe_id = recognizer.store(observation).keyframe_id
     timed = {**observed.milliseconds, 'insert': _since(start)}
-    return _Learned(observation.query.stamp_ns, row, observation.n_features, timed)
+    return _Stored(observation.query.stamp_ns, keyframe_id, observation.n_features, timed)
 
 
 def _recognize(
@@ -189,29 +188,32 @@ def _recognize(
 
 
 def _since(start: float) -> float:
+    """Return the milliseconds since a value of perf_counter."""
     return (perf_counter() - start) * 1e3
 
 
-def _rows(keyframe_ids: Iterable[int | None]) -> NDArray[np.int64]:
-    return np.array([NOT_STORED if row is None else row for row in keyframe_ids], np.int64)
+def _id_array(keyframe_ids: Iterable[int | None]) -> NDArray[np.int64]:
+    """Return (n,) int64 keyframe ids, NOT_STORED (-1) for None."""
+    return np.array([NOT_STORED if id_ is None else id_ for id_ in keyframe_ids], np.int64)
 
 
 def _older(
     detections: Sequence[Detection],
     stamps_ns: Stamps,
-    rows: NDArray[np.int64],
+    keyframe_ids: NDArray[np.int64],
     exclude_recent_s: float,
 ) -> NDArray[np.bool_]:
     """
-    Return (n, n) bool, the images of a sequence that were old enough for each to be compared with.
+    Return (n, n) bool, True where the column image is old enough to be a candidate for the row.
 
-    Of the stored ones the recogniser tells how many it compared; the others go by their stamps.
+    A stored image is old enough if the recognizer compared it. An image that was not stored is
+    old enough if it is at least `exclude_recent_s` older.
     """
     exclude_ns = nanoseconds(exclude_recent_s)
-    stored = rows != NOT_STORED
+    stored = keyframe_ids != NOT_STORED
     eligible = np.zeros((len(detections), len(detections)), np.bool_)
     for index, detection in enumerate(detections):
-        compared = rows[:index] < len(detection.similarities)
+        compared = keyframe_ids[:index] < len(detection.similarities)
         by_stamp = stamps_ns[index] - stamps_ns[:index] >= exclude_ns
         eligible[index, :index] = np.where(stored[:index], compared, by_stamp)
     return eligible

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An evaluation as a folder of files."""
+"""Writes an evaluation to a results folder."""
 
 from __future__ import annotations
 
@@ -11,27 +11,16 @@ from pathlib import Path
 
 from hdc_place_recognition.evaluation.evaluate import Evaluation
 from hdc_place_recognition.evaluation.metrics import best_match_curve, precision_recall
-from hdc_place_recognition.evaluation.tables import metrics_dict
 from hdc_place_recognition.params.formats import dump_yaml
+from hdc_place_recognition.results import CANDIDATE_FIELDS
 
+_CSV_FIELDS = tuple(column for column in CANDIDATE_FIELDS if column.in_csv)
 CANDIDATE_COLUMNS = (
     'query_stamp_ns',
     'match_stamp_ns',
-    'match_id',
-    'similarity',
-    'score',
-    'inliers',
-    'accepted',
-    'reason',
-    'shift_x',
-    'shift_y',
-    'qx',
-    'qy',
-    'qz',
-    'qw',
+    *(column.name for column in _CSV_FIELDS),
     'truth',
 )
-_UNKNOWN = ('',) * 4
 CURVE_COLUMNS = ('curve', 'threshold', 'precision', 'recall')
 
 
@@ -39,15 +28,15 @@ def write_results(evaluation: Evaluation, output: Path) -> Path:
     """
     Write metrics.json, params.yaml, candidates.csv and precision_recall.csv.
 
-    params.yaml can be given back as --params-file, to the node too. precision_recall.csv holds
-    the points at which recall rises: the area under them by steps is the metric.
+    params.yaml is a valid --params-file for the node and the commands. precision_recall.csv has
+    the points at which recall increases; the step-wise area under them equals the metric.
 
-    :param evaluation: what to write.
-    :param output: folder of results; a new folder in it is made, none is overwritten.
-    :return: the new folder, <name>_<n>.
+    :param evaluation: the evaluation.
+    :param output: parent folder; a new subfolder is created, existing ones are not changed.
+    :return: the new folder, <dataset name>_<number>.
     """
     folder = _new_folder(output, evaluation.dataset.name)
-    metrics = json.dumps(metrics_dict(evaluation), indent=2)
+    metrics = json.dumps(evaluation.metrics, indent=2)
     (folder / 'metrics.json').write_text(metrics + '\n', encoding='utf-8')
     (folder / 'params.yaml').write_text(dump_yaml(evaluation.params), encoding='utf-8')
     _write_csv(folder / 'candidates.csv', CANDIDATE_COLUMNS, _candidate_rows(evaluation))
@@ -69,28 +58,20 @@ def _new_folder(output: Path, name: str) -> Path:
 
 
 def _candidate_rows(evaluation: Evaluation) -> Iterable[Sequence[object]]:
-    for each, verdict in zip(evaluation.candidates, evaluation.verdicts, strict=True):
+    for candidate, label in zip(evaluation.candidates, evaluation.labels, strict=True):
         yield (
-            each.query_stamp_ns,
-            each.match_stamp_ns,
-            each.match_id,
-            each.similarity,
-            each.score,
-            each.inliers,
-            int(each.accepted),
-            each.reason.value,
-            each.shift_x,
-            each.shift_y,
-            *(each.rotation or _UNKNOWN),
-            verdict.value if verdict else '',
+            candidate.query_stamp_ns,
+            candidate.match_stamp_ns,
+            *((column.text or column.get)(candidate) for column in _CSV_FIELDS),
+            label.value if label else '',
         )
 
 
 def _curve_rows(evaluation: Evaluation) -> Iterable[Sequence[object]]:
-    if evaluation.judgement is None:
+    if evaluation.scores is None:
         return
-    for name, of in (('all_pairs', precision_recall), ('best_match', best_match_curve)):
-        curve = of(evaluation.judgement.pairs)
+    for name, make in (('all_pairs', precision_recall), ('best_match', best_match_curve)):
+        curve = make(evaluation.scores.pairs)
         if curve is not None:
             points = curve.steps()
             columns = (points.thresholds, points.precision, points.recall)

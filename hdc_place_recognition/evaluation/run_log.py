@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recogniser said of a data set."""
+"""All detections of a run on a dataset, as matrices of queries and database images."""
 
 from __future__ import annotations
 
@@ -13,73 +13,77 @@ import numpy as np
 from numpy.typing import NDArray
 
 NOT_STORED = -1
-NOT_FOUND = np.float32(-1)  # similarity of an image that can not be found: below all others
+NOT_FOUND = np.float32(-1)  # below every similarity, for images that cannot be found
 
 
 @dataclass(frozen=True)
-class Recording:
+class RunLog:
     """
-    What the recogniser said.
+    All detections of a run on a dataset. Skipped images are not part of it.
 
-    :param detections: one a query, in their order; images that were passed over are left out.
-    :param database_stamps_ns: (n,) int64, of each image that was to be stored.
-    :param rows: (n,) int64, the database row of each of these images, or NOT_STORED.
-    :param eligible: (q, n) bool, which of these images each query was to be compared with.
-    :param features: local features of each image.
-    :param milliseconds: of each image, by stage.
-    :param passed_over: how many images the recogniser did not look at, because of their stamps.
+    A database image is an image that was offered to the database, stored or not.
+
+    :param detections: one per query, in the order of the queries.
+    :param database_stamps_ns: (n,) int64, stamps of the database images.
+    :param keyframe_ids: (n,) int64, keyframe id of each database image, NOT_STORED (-1) if it was
+        not stored.
+    :param eligible: (q, n) bool, True where a query should be compared with a database image.
+    :param features: number of local features of each image.
+    :param milliseconds: times of each image by stage.
+    :param skipped: number of images that were skipped because of their stamps.
     """
 
     detections: tuple[Detection, ...]
     database_stamps_ns: Stamps
-    rows: NDArray[np.int64]
+    keyframe_ids: NDArray[np.int64]
     eligible: NDArray[np.bool_]
     features: tuple[int, ...]
     milliseconds: tuple[Mapping[str, float], ...]
-    passed_over: int
+    skipped: int
 
     @property
     def query_stamps_ns(self) -> Stamps:
-        """Return (q,) int64, the stamps of the detections."""
+        """Return (q,) int64, the stamps of the queries."""
         return np.array([detection.stamp_ns for detection in self.detections], np.int64)
 
     @property
-    def image_of_row(self) -> NDArray[np.intp]:
-        """Return for each database row the index of the image that it is of."""
-        return np.flatnonzero(self.rows != NOT_STORED)
+    def image_of_keyframe(self) -> NDArray[np.intp]:
+        """Return for each keyframe id the index of its database image."""
+        return np.flatnonzero(self.keyframe_ids != NOT_STORED)
 
     def similarity_matrix(self) -> NDArray[np.float32]:
         """
-        Return (q, n) float32, the similarity of each query to each image that was to be stored.
+        Return (q, n) float32, the similarity of each query and database image.
 
-        NOT_FOUND (-1) where there is none: the image was not stored, or the query has no features.
+        NOT_FOUND (-1) if the image was not stored or the query has no features.
         """
         matrix = np.full(self.eligible.shape, NOT_FOUND, np.float32)
-        image_of_row = self.image_of_row
+        image_of_keyframe = self.image_of_keyframe
         for row, detection in zip(matrix, self.detections, strict=True):
             if detection.status is not Status.NO_FEATURES:
-                row[image_of_row[: len(detection.similarities)]] = detection.similarities
+                compared = image_of_keyframe[: len(detection.similarities)]
+                row[compared] = detection.similarities
         return matrix
 
     def score_matrix(self) -> NDArray[np.float32]:
-        """Return (q, n) float32, the score of each candidate, NOT_FOUND for what is none."""
+        """Return (q, n) float32, the score of each candidate; NOT_FOUND (-1) elsewhere."""
         matrix = np.full(self.eligible.shape, NOT_FOUND, np.float32)
-        image_of_row = self.image_of_row
+        image_of_keyframe = self.image_of_keyframe
         for row, detection in zip(matrix, self.detections, strict=True):
             for candidate in detection.candidates:
-                row[image_of_row[candidate.match_id]] = candidate.score
+                row[image_of_keyframe[candidate.match_id]] = candidate.score
         return matrix
 
     def cells(self, *, accepted_only: bool = False) -> list[tuple[int, int]]:
         """
-        Return where each candidate is in the matrix: query and database image.
+        Return the matrix cell (query, database image) of each candidate.
 
-        :param accepted_only: leave out the candidates that were not accepted.
-        :return: in the order of the queries, best first.
+        :param accepted_only: return only accepted candidates.
+        :return: cells in the order of the queries, the best candidate of a query first.
         """
-        image_of_row = self.image_of_row
+        image_of_keyframe = self.image_of_keyframe
         return [
-            (query, int(image_of_row[candidate.match_id]))
-            for query, said in enumerate(self.detections)
-            for candidate in (said.accepted if accepted_only else said.candidates)
+            (query, int(image_of_keyframe[candidate.match_id]))
+            for query, detection in enumerate(self.detections)
+            for candidate in (detection.accepted if accepted_only else detection.candidates)
         ]

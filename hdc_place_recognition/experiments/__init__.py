@@ -1,3 +1,3 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The measurements that chose the defaults and the numbers of the decision."""
+"""The experiments that chose the default parameters and the constants of verification."""

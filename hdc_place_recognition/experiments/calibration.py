@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiment that fits verification/calibration.json to development data."""
+"""The experiment `hdc_experiments calibrate`: fits the score to ground truth."""
 
 from __future__ import annotations
 
@@ -11,30 +11,31 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.evaluation.evaluate import evaluate, Evaluation
-from hdc_place_recognition.evaluation.metrics import Verdict
+from hdc_place_recognition.evaluation.evaluate import evaluate_dataset, Evaluation
+from hdc_place_recognition.evaluation.metrics import Label
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import calibrations, create_recognizer, use_threads
+from hdc_place_recognition.recognition.factory import calibrations
 from hdc_place_recognition.verification.settings import Calibration
 import numpy as np
 from numpy.typing import NDArray
 
-# Images between which geometry finds nothing, as over seasons, say nothing about its evidence.
+# Verified candidates with less evidence are not used for the fit: they have almost no inliers
+# (for example images of different seasons).
 _LEAST_EVIDENCE = {True: -1.0, False: -np.inf}
 _NEWTON_STEPS = 50
-# Bounds of the rows of the table of predicted against observed.
+# Bounds of the score bins in the reliability table.
 _BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class LabeledScores:
     """
-    The best candidates of a run that the truth decides on.
+    Scores of the best candidates of a run, without ignored candidates.
 
-    :param scores: (n,) what was predicted.
-    :param true: (n,) bool, whether they are true closures.
+    :param scores: (n,) float64, predicted probability.
+    :param true: (n,) bool, True for a true closure.
     """
 
     scores: NDArray[np.float64]
@@ -42,12 +43,12 @@ class Outcomes:
 
 
 def add_calibrate(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add the experiment to the command hdc_experiments."""
+    """Add the subcommand `calibrate`."""
     parser = subparsers.add_parser(
         'calibrate',
-        help='fit the table of verification/calibration.json',
-        description='Fit score to truth on folders with gt.npz, and print the lines that belong '
-        'into verification/calibration.json, with what they predict against what is observed.',
+        help='fit the calibration of the score',
+        description='Fit the score to ground truth on folders with gt.npz. Print the lines for '
+        'verification/calibration.json and a reliability table.',
     )
     parser.add_argument('data', nargs='+', type=Path, metavar='DATA_FOLDER')
     parser.set_defaults(run=run_calibrate)
@@ -55,52 +56,52 @@ def add_calibrate(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run_calibrate(arguments: argparse.Namespace) -> str:
     """
-    Return the fitted table as the lines of verification/calibration.json, and how well it fits.
+    Return lines for verification/calibration.json, and reliability tables.
 
     :raises PlaceRecognitionError: a folder has no ground truth.
     """
     lines = []
     for name, verify in (('verified', True), ('unverified', False)):
         runs = [_run(path, verify) for path in arguments.data]
-        sets = [(best_candidates(evaluation), table) for evaluation, table in runs]
-        evidence = [_evidence(found, table, _LEAST_EVIDENCE[verify]) for found, table in sets]
+        evidence = [_evidence(*run, _LEAST_EVIDENCE[verify]) for run in runs]
         fitted = fit(evidence)
         lines.append(f'"{name}": {{"slope": {fitted.slope:.2f}, "center": {fitted.center:.2f}}}')
-        scores = np.array([fitted.score(value) for each, _ in evidence for value in each])
-        true = np.concatenate([each for _, each in evidence])
-        lines += reliability(Outcomes(scores, true))
+        scores = np.array([fitted.score(value) for values, _ in evidence for value in values])
+        true = np.concatenate([labels for _, labels in evidence])
+        lines += reliability(LabeledScores(scores, true))
     return '\n'.join(lines)
 
 
-def best_candidates(evaluation: Evaluation) -> Outcomes:
+def best_candidates(evaluation: Evaluation) -> LabeledScores:
     """
-    Return the best candidate of each query, without those that the truth ignores.
+    Return the score of the best candidate of each query, without ignored candidates.
 
-    :raises PlaceRecognitionError: there is no ground truth.
+    :raises PlaceRecognitionError: the dataset has no ground truth.
     """
-    if evaluation.judgement is None:
+    if evaluation.scores is None:
         raise PlaceRecognitionError(
-            f'{evaluation.dataset.name}: no ground truth to calibrate by; give folders with gt.npz'
+            f'{evaluation.dataset.name}: no ground truth for calibration; use folders with gt.npz'
         )
-    verdicts = iter(evaluation.judgement.verdicts)
+    labels = iter(evaluation.scores.labels)
     best = []
-    for detection in evaluation.recording.detections:
-        judged = [(each.score, next(verdicts)) for each in detection.candidates]
-        best += [pair for pair in judged[:1] if pair[1] is not Verdict.IGNORED]
-    return Outcomes(
+    for detection in evaluation.run_log.detections:
+        labeled = [(candidate.score, next(labels)) for candidate in detection.candidates]
+        best += [pair for pair in labeled[:1] if pair[1] is not Label.IGNORED]
+    return LabeledScores(
         np.array([score for score, _ in best], np.float64),
-        np.array([verdict is Verdict.TRUE for _, verdict in best], np.bool_),
+        np.array([label is Label.TRUE for _, label in best], np.bool_),
     )
 
 
 def fit(sets: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]]) -> Calibration:
     """
-    Return the logistic function of greatest likelihood (J. Platt, 1999).
+    Fit a logistic function by maximum likelihood.
 
-    Targets are drawn in a little, as Platt does: separable evidence would make the slope
-    infinite. A set counts by the root of its size, so that none outvotes the others.
+    The targets are regularized after J. Platt, "Probabilistic outputs for support vector
+    machines" (1999): otherwise separable data give an infinite slope.
+    The weight of a dataset is the square root of its size, so that large datasets do not dominate.
 
-    :param sets: of each data set the evidence (n,) and whether it was true (n,).
+    :param sets: per dataset the evidence (n,) and the labels (n,) bool, True for a true closure.
     """
     evidence = np.concatenate([values for values, _ in sets])
     true = np.concatenate([truth for _, truth in sets])
@@ -118,31 +119,28 @@ def fit(sets: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]]) -> Calibr
     return Calibration(slope=float(solution[0]), center=float(-solution[1] / solution[0]))
 
 
-def reliability(outcomes: Outcomes) -> list[str]:
-    """Return lines of predicted against observed shares of true closures."""
+def reliability(labeled: LabeledScores) -> list[str]:
+    """Return a text table of predicted scores and observed shares of true closures."""
     lines = ['predicted     mean   observed  candidates']
     for low, high in pairwise(_BINS):
-        inside = (outcomes.scores >= low) & (outcomes.scores < high + (high == 1))
+        inside = (labeled.scores >= low) & (labeled.scores < high + (high == 1))
         if inside.any():
-            mean, share = outcomes.scores[inside].mean(), outcomes.true[inside].mean()
+            mean, share = labeled.scores[inside].mean(), labeled.true[inside].mean()
             lines.append(f'{low:.2f} to {high:.2f}  {mean:.3f}  {share:.3f}     {inside.sum()}')
     return lines
 
 
-def _run(path: Path, verify: bool) -> tuple[Evaluation, Calibration]:
-    """Return the run of a data set, and the calibration that its scores were made with."""
-    dataset = open_dataset(path, None, Options())
-    params = Params(verify=verify).replace(**dataset.overrides)
-    use_threads(params)
-    recognizer = create_recognizer(params)
-    verified, unverified = calibrations(recognizer.identity)
-    return evaluate(dataset, recognizer), verified if verify else unverified
+def _run(path: Path, verify: bool) -> tuple[LabeledScores, Calibration]:
+    """Return the best candidates of a data set, and the calibration of their scores."""
+    evaluation = evaluate_dataset(open_dataset(path), Params(verify=verify))
+    verified, unverified = calibrations(evaluation.identity)
+    return best_candidates(evaluation), verified if verify else unverified
 
 
 def _evidence(
-    outcomes: Outcomes, table: Calibration, least: float
+    labeled: LabeledScores, table: Calibration, least: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the evidence that the scores in force were made from, from `least` on."""
-    evidence = np.array([table.evidence(score) for score in outcomes.scores], np.float64)
+    """Return evidence and labels; the evidence is the inverse of the score, at least `least`."""
+    evidence = np.array([table.evidence(score) for score in labeled.scores], np.float64)
     used = evidence >= least
-    return evidence[used], outcomes.true[used]
+    return evidence[used], labeled.true[used]

@@ -1,11 +1,11 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiment that shows what closures can be trusted with: at one setting, on all data."""
+"""The experiment `hdc_experiments trust`: accepted closures and cost at one set of parameters."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,20 @@ from typing import Any
 from hdc_place_recognition.datasets.dataset import Dataset, Mode, Truth
 from hdc_place_recognition.datasets.folders import FolderImages
 from hdc_place_recognition.datasets.ground_truth import MatrixTruth
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
-from hdc_place_recognition.evaluation.evaluate import evaluate, Evaluation
+from hdc_place_recognition.datasets.open_dataset import open_dataset
+from hdc_place_recognition.evaluation.evaluate import evaluate_dataset, Evaluation, Scores
 from hdc_place_recognition.evaluation.plots import draw_calibration, require_matplotlib
-from hdc_place_recognition.experiments.calibration import best_candidates, Outcomes, reliability
+from hdc_place_recognition.evaluation.tables import aligned, number
+from hdc_place_recognition.experiments.calibration import (
+    best_candidates,
+    LabeledScores,
+    reliability,
+)
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
-from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
-from hdc_place_recognition.results import Candidate
 import numpy as np
 
-# Images of one traverse, looked at by itself, are compared with those so many older.
-_TRAVERSE_GAP = 10.0
+# Minimum age of candidates in seconds when a traverse is evaluated alone.
+_TRAVERSE_GAP_S = 10.0
 _STAGES = ('extract', 'encode', 'query', 'keypoints', 'verify')
 _COLUMNS: Sequence[str] = (
     'run',
@@ -40,71 +43,76 @@ _COLUMNS: Sequence[str] = (
 )
 
 
-def add_trust(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add the experiment to the command hdc_experiments."""
+def add_operating_point(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add the subcommand `trust`."""
     parser = subparsers.add_parser(
         'trust',
-        help='accepted closures, their cost, and the calibration on all data',
-        description='Print accepted closures, recall and cost on folders with gt.npz, on what '
-        'never revisits a place, and predicted against observed scores.',
+        help='show accepted closures, cost and calibration',
+        description='Evaluate folders with gt.npz, traverses without revisits, and a reliability '
+        'table of the score. The tables show accepted closures, recall and cost.',
     )
     parser.add_argument('data', nargs='+', type=Path, metavar='DATA_FOLDER')
     parser.add_argument(
-        '--reversed', action='store_true', default=False, help='sequences backwards too'
+        '--reversed',
+        action='store_true',
+        default=False,
+        help='evaluate sequences in reverse order too',
     )
     parser.add_argument(
-        '--plot', type=Path, default=None, metavar='FILE', help='draw the calibration into a file'
+        '--plot', type=Path, default=None, metavar='FILE', help='write a reliability diagram'
     )
     add_arguments(parser)
-    parser.set_defaults(run=run_trust)
+    parser.set_defaults(run=run_operating_point)
 
 
-def run_trust(arguments: argparse.Namespace) -> str:
-    """Return the tables; the calibration is of all runs together."""
-    params = from_arguments(arguments)
+def run_operating_point(arguments: argparse.Namespace) -> str:
+    """
+    Run the experiment and return its tables; the reliability table covers all runs.
+
+    :raises PlaceRecognitionError: an input or a parameter is invalid.
+    """
+    # With one thread the time of each stage equals its CPU time.
+    params = from_arguments(arguments).replace(threads=1)
     if arguments.plot:
         require_matplotlib()
-    rows, outcomes = [_COLUMNS], []
+    rows, labeled = [_COLUMNS], []
     for path in arguments.data:
-        for dataset in _runs(open_dataset(path, None, Options()), arguments.reversed):
-            # On one thread the time that each stage takes is its time of the CPU.
-            one_thread = params.replace(**dataset.overrides, threads=1)
-            use_threads(one_thread)
-            recognizer = create_recognizer(one_thread)
-            evaluation = evaluate(dataset, recognizer)
+        for dataset in _datasets(open_dataset(path), arguments.reversed):
+            evaluation = evaluate_dataset(dataset, params)
             rows += _rows(evaluation)
-            if evaluation.judgement:
-                outcomes.append(best_candidates(evaluation))
-    together = Outcomes(
-        np.concatenate([each.scores for each in outcomes]),
-        np.concatenate([each.true for each in outcomes]),
+            if evaluation.scores:
+                labeled.append(best_candidates(evaluation))
+    pooled = LabeledScores(
+        np.concatenate([run.scores for run in labeled]),
+        np.concatenate([run.true for run in labeled]),
     )
     if arguments.plot:
-        draw_calibration(together.scores, together.true, arguments.plot)
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    return '\n'.join([*lines, '', *reliability(together)])
+        draw_calibration(pooled.scores, pooled.true, arguments.plot)
+    return '\n'.join([*aligned(rows), '', *reliability(pooled)])
 
 
-def _runs(dataset: Dataset, backwards: bool) -> Iterator[Dataset]:
-    """Yield a data set, each of its traverses by itself, and its sequence backwards."""
+def _datasets(dataset: Dataset, with_reversed: bool) -> Iterator[Dataset]:
+    """Yield the dataset, its single traverses, and if wanted the reversed sequence."""
     yield dataset
     if dataset.mode is Mode.TRAVERSES and dataset.reference is not None:
-        alone = {**dataset.overrides, 'exclude_recent_s': _TRAVERSE_GAP}
+        overrides = {**dataset.overrides, 'exclude_recent_s': _TRAVERSE_GAP_S}
         for name, frames in (('reference', dataset.reference), ('query', dataset.queries)):
-            yield Dataset(f'{dataset.name}, {name} alone', Mode.SEQUENCE, frames, overrides=alone)
-    if backwards and dataset.mode is Mode.SEQUENCE:
-        yield from _backwards(dataset)
+            yield Dataset(
+                f'{dataset.name}, {name} alone', Mode.SEQUENCE, frames, overrides=overrides
+            )
+    if with_reversed and dataset.mode is Mode.SEQUENCE:
+        yield from _reversed(dataset)
 
 
-def _backwards(dataset: Dataset) -> Iterator[Dataset]:
-    """Yield the sequence of a folder from its end to its beginning."""
-    frames, truth = dataset.queries, dataset.ground_truth
-    if not (isinstance(frames, FolderImages) and truth):
+def _reversed(dataset: Dataset) -> Iterator[Dataset]:
+    """Yield the images of a folder in reverse order, with the ground truth to match."""
+    frames, ground_truth = dataset.queries, dataset.ground_truth
+    if not (isinstance(frames, FolderImages) and ground_truth):
         return
     stamps_ns = frames.stamps_ns
-    forwards = truth.truth(stamps_ns, stamps_ns)
-    hard, soft = ((each | each.T)[::-1, ::-1] for each in (forwards.hard, forwards.soft))
+    truth = ground_truth.truth(stamps_ns, stamps_ns)
+    # gt.npz may list only pairs with an older image, so both directions are combined.
+    hard, soft = ((matrix | matrix.T)[::-1, ::-1] for matrix in (truth.hard, truth.soft))
     yield replace(
         dataset,
         name=f'{dataset.name}, backwards',
@@ -114,42 +122,52 @@ def _backwards(dataset: Dataset) -> Iterator[Dataset]:
 
 
 def _rows(evaluation: Evaluation) -> Iterator[Sequence[str]]:
-    """Yield the row of a run, and that of its first images if they show no place twice."""
-    judged, cost = evaluation.judgement, evaluation.cost
-    accepted = evaluation.recording.cells(accepted_only=True)
-    kilobytes = cost.database_bytes / 1000 / max(len(evaluation.recording.image_of_row), 1)
-    costs = [f'{cost.ms_per_image[stage]:.1f}' for stage in _STAGES] + [f'{kilobytes:.1f}']
-    name, images = evaluation.dataset.name, len(evaluation.recording.detections)
-    if judged is None:
-        wrong = _highest(best.score for best in _best(evaluation))
-        yield (name, str(images), '0', str(len(accepted)), '0', '-', '-', wrong, *costs)
+    """Yield the table row of a run, and a row for its images before the first revisit."""
+    name, scores = evaluation.dataset.name, evaluation.scores
+    n_images, costs = len(evaluation.run_log.detections), _costs(evaluation)
+    if scores is None:
+        yield _row_without_revisits(evaluation, name, n_images, costs)
         return
-    found, ranking = judged.closures, judged.ranking
-    counts = [str(count) for count in (images, found.true, found.false, found.ignored)]
-    outcomes = best_candidates(evaluation)
-    wrong = _highest(outcomes.scores[~outcomes.true])
-    recalls = [
-        '-' if value is None else f'{value:.3f}'
-        for value in (found.recall, ranking.recall_at_full_precision)
-    ]
-    yield (name, *counts, *recalls, wrong, *costs)
-    ever = ((judged.pairs.hard | judged.pairs.soft) & judged.pairs.eligible).any(axis=1)
-    never = int(ever.argmax())
-    if evaluation.dataset.mode is Mode.SEQUENCE and never:
-        early = [query for query, _ in accepted if query < never]
-        wrong = _highest(best.score for best in _best(evaluation, never))
-        rest = ['-'] * len(costs)
+    closures, best = scores.closures, best_candidates(evaluation)
+    yield (
+        name,
+        *map(str, (n_images, closures.true, closures.false, closures.ignored)),
+        number(closures.recall),
+        number(scores.ranking.recall_at_full_precision),
+        _highest(best.scores[~best.true].tolist()),
+        *costs,
+    )
+    n_before = _images_before_revisit(scores)
+    if evaluation.dataset.mode is Mode.SEQUENCE and n_before:
         name = f'{name}, before any revisit'
-        yield (name, str(never), '0', str(len(early)), '0', '-', '-', wrong, *rest)
+        yield _row_without_revisits(evaluation, name, n_before, ['-'] * len(costs))
 
 
-def _best(evaluation: Evaluation, queries: int | None = None) -> list[Candidate]:
-    """Return the best candidate of each of the first queries, where there is one."""
-    detections = evaluation.recording.detections[:queries]
-    return [detection.candidates[0] for detection in detections if detection.candidates]
+def _row_without_revisits(
+    evaluation: Evaluation, name: str, n_images: int, costs: Sequence[str]
+) -> Sequence[str]:
+    """Return the row of the first images, which revisit no place: every closure is false."""
+    detections = evaluation.run_log.detections[:n_images]
+    n_false = sum(len(detection.accepted) for detection in detections)
+    best = [detection.candidates[0].score for detection in detections if detection.candidates]
+    return (name, str(n_images), '0', str(n_false), '0', '-', '-', _highest(best), *costs)
 
 
-def _highest(scores: Iterable[float]) -> str:
-    """Return the highest score, of those that should be low."""
-    highest = max(scores, default=None)
-    return '-' if highest is None else f'{highest:.3f}'
+def _images_before_revisit(scores: Scores) -> int:
+    """Return the number of images before the first one that revisits a place; 0 if none does."""
+    pairs = scores.pairs
+    revisits = ((pairs.hard | pairs.soft) & pairs.eligible).any(axis=1)
+    return int(revisits.argmax())
+
+
+def _costs(evaluation: Evaluation) -> list[str]:
+    """Return milliseconds of each stage and kilobytes of a keyframe as table cells."""
+    cost = evaluation.cost
+    n_keyframes = max(len(evaluation.run_log.image_of_keyframe), 1)
+    milliseconds = [f'{cost.ms_per_image[stage]:.1f}' for stage in _STAGES]
+    return [*milliseconds, f'{cost.database_bytes / 1000 / n_keyframes:.1f}']
+
+
+def _highest(scores: Sequence[float]) -> str:
+    """Return the highest score as a table cell."""
+    return number(max(scores, default=None))

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiment on viewpoint: the displacement that fits best against shifts measured by hand."""
+"""The experiment `hdc_experiments shift`: estimated against manually measured image shifts."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdc_place_recognition.datasets.dataset import Dataset, Frames, Mode
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.hdc.shifts import Shifts
 from hdc_place_recognition.params.formats import add_arguments, from_arguments
-from hdc_place_recognition.recognition.factory import create_recognizer, use_threads
+from hdc_place_recognition.recognition.factory import create_recognizer, limited_threads
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
-from hdc_place_recognition.results import Frame
 import numpy as np
 from numpy.typing import NDArray
 
-# Of displacements.csv: pixels at this image width, right and down.
+# Columns of displacements.csv: pixels right and down at this image width.
 WIDTH_PX = 640
 COLUMNS = ('dx_px_640', 'dy_px_640')
 
@@ -28,10 +27,11 @@ COLUMNS = ('dx_px_640', 'dy_px_640')
 @dataclass(frozen=True)
 class MeasuredShifts:
     """
-    Shift of each query against the reference image of the same place.
+    Shift of each query relative to the reference image of the same place.
 
-    :param measured: (n, 2) by hand, x to the right as a share of the width, y down of the height.
-    :param estimated: (n, 2) the same from the displacement under which the pair is most similar.
+    :param measured: (n, 2) measured manually; x to the right as a share of the width, y down as a
+        share of the height.
+    :param estimated: (n, 2) in the same units, the shift at which the pair is most similar.
     """
 
     measured: NDArray[np.float64]
@@ -39,19 +39,20 @@ class MeasuredShifts:
 
 
 def add_shift(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the experiment `shift` to a command."""
+    """Add the subcommand `shift`."""
     parser = subparsers.add_parser(
         'shift',
         allow_abbrev=False,
-        help='compare estimated with measured shifts of the view',
-        description='Compare the displacement under which true pairs are most similar with shifts '
-        'that were measured by hand.',
+        help='compare estimated and measured image shifts',
+        description='Compare the shift at which images of the same place are most similar with '
+        'shifts that were measured manually.',
     )
     parser.add_argument(
         'input',
         type=Path,
         metavar='FOLDER',
-        help='images/ref, images/query and displacements.csv, with equal numbers for equal places',
+        help='folder with images/ref, images/query and displacements.csv; image n of both '
+        'traverses shows place n',
     )
     add_arguments(parser)
     parser.set_defaults(run=run_shift)
@@ -61,30 +62,31 @@ def run_shift(arguments: argparse.Namespace) -> str:
     """
     Run the experiment and return its table.
 
-    :raises PlaceRecognitionError: input or a parameter is bad.
+    :raises PlaceRecognitionError: an input or a parameter is invalid.
     """
     measured = read_displacements(arguments.input / 'displacements.csv')
-    dataset = open_dataset(arguments.input, None, Options())
+    dataset = open_dataset(arguments.input)
     params = from_arguments(arguments).replace(**dataset.overrides)
     if params.displacements_x == params.displacements_y == 1:
         raise PlaceRecognitionError(
-            'displacements_x and displacements_y are 1: a shift is estimated by displacements'
+            'displacements_x and displacements_y are 1: the shift is estimated by displacements; '
+            'increase one of them'
         )
-    use_threads(params)
-    return table(dataset.name, estimate(dataset, measured, create_recognizer(params)))
+    with limited_threads(params):
+        return table(dataset.name, estimate(dataset, measured, create_recognizer(params)))
 
 
 def read_displacements(file: Path) -> dict[int, tuple[float, float]]:
     """
-    Return the measured shifts of a displacements.csv by number of the place.
+    Read the measured shifts (x, y) of displacements.csv by place number.
 
-    :param file: csv with the columns index (of the image in both traverses), dx_px_640 and
-        dy_px_640 (pixels right and down, of the query against the reference).
-    :raises PlaceRecognitionError: no such file, a column is missing, a value is not a finite
-        number, a place is there twice, or there is none.
+    :param file: csv file with the columns index (image number in both traverses), dx_px_640 and
+        dy_px_640 (shift of the query relative to the reference, pixels right and down).
+    :raises PlaceRecognitionError: the file or a column is missing, a value is not a finite
+        number, a place is listed twice, or there are fewer than two places.
     """
     if not file.is_file():
-        raise PlaceRecognitionError(f'{file} does not exist; it holds the measured shifts')
+        raise PlaceRecognitionError(f'{file} does not exist; it must list the measured shifts')
     found: dict[int, tuple[float, float]] = {}
     with file.open(newline='', encoding='utf-8') as stream:
         for number, row in enumerate(csv.DictReader(stream), start=2):
@@ -95,12 +97,12 @@ def read_displacements(file: Path) -> dict[int, tuple[float, float]]:
                     raise ValueError('a place given twice, or no finite number')
             except (KeyError, TypeError, ValueError, csv.Error) as error:
                 raise PlaceRecognitionError(
-                    f'{file}, line {number}: {error!r}; every line needs another index and '
+                    f'{file}, line {number}: {error!r}; every line needs a unique index and '
                     f'numbers in the columns {", ".join(COLUMNS)}'
                 ) from error
             found[index] = x, y
     if len(found) < 2:
-        raise PlaceRecognitionError(f'{file} has {len(found)} shifts; two or more are needed')
+        raise PlaceRecognitionError(f'{file} has {len(found)} shifts; at least two are needed')
     return found
 
 
@@ -108,14 +110,41 @@ def estimate(
     dataset: Dataset, measured: dict[int, tuple[float, float]], recognizer: PlaceRecognizer
 ) -> MeasuredShifts:
     """
-    Estimate the shifts of the places that were measured.
+    Estimate the shifts of the measured places.
 
-    :param dataset: two traverses with the same places in the same order.
-    :param measured: pixels at an image width of 640, by number of the place.
-    :param recognizer: with an empty database.
-    :raises PlaceRecognitionError: there are not two traverses, a place is not among them, or
-        nothing is seen in the images.
+    :param dataset: two traverses; image n of both shows place n.
+    :param measured: shift in pixels at an image width of 640, by place number.
+    :param recognizer: recognizer with an empty database.
+    :raises PlaceRecognitionError: there are not two traverses, a place is missing, or fewer than
+        two places have features in both traverses.
     """
+    reference = _checked_reference(dataset, measured)
+    keyframe_ids = _store(reference, recognizer)
+    recognizer.start_traverse()
+    params = recognizer.params
+    offsets = Shifts(
+        params.displacements_x, params.displacements_y, params.displacement_step
+    ).offsets
+    shares, shifts = [], []
+    for place, frame in enumerate(dataset.queries):
+        query = recognizer.observe(frame).query
+        keyframe_id = keyframe_ids[place] if place < len(keyframe_ids) else None
+        if place in measured and keyframe_id is not None and not query.empty:
+            found = recognizer.database.search(query, 0, also=[keyframe_id], exact=True)
+            # The offset moves the query back onto the reference, so the sign is opposite.
+            shifts.append(-offsets[found.others[keyframe_id].shift])
+            height, width = frame.image.shape[:2]
+            shares.append(np.multiply(measured[place], (1, width / height)))
+    if len(shifts) < 2:
+        raise PlaceRecognitionError(
+            f'{dataset.name}: {len(shifts)} places have features in both traverses; '
+            'at least two are needed'
+        )
+    return MeasuredShifts(np.array(shares) / WIDTH_PX, np.array(shifts, np.float64))
+
+
+def _checked_reference(dataset: Dataset, measured: dict[int, tuple[float, float]]) -> Frames:
+    """Return the reference images; raise an error if a measured place is not in the dataset."""
     if dataset.mode is not Mode.TRAVERSES or dataset.reference is None:
         raise PlaceRecognitionError(f'{dataset.name}: needs images/ref and images/query')
     last = min(len(dataset.queries), len(dataset.reference)) - 1
@@ -124,37 +153,17 @@ def estimate(
             f'{dataset.name}: displacements.csv has places {min(measured)} to {max(measured)}, '
             f'the images are 0 to {last}'
         )
-    ids = _store(dataset.reference, recognizer)
-    recognizer.start_traverse()
-    params = recognizer.params
-    offsets = Shifts(
-        params.displacements_x, params.displacements_y, params.displacement_step
-    ).offsets
-    shares, shifts = [], []
-    for index, (stamp_ns, image) in enumerate(dataset.queries):
-        query = recognizer.observe(Frame(stamp_ns, image)).query
-        true_id = ids[index] if index < len(ids) else None
-        if index in measured and true_id is not None and not query.empty:
-            found = recognizer.database.search(query, 0, also=[true_id], exact=True)
-            # Shifted back over the reference: the shift of the view is the opposite.
-            shifts.append(-offsets[found.others[true_id].shift])
-            shares.append(np.multiply(measured[index], (1, image.shape[1] / image.shape[0])))
-    if len(shifts) < 2:
-        raise PlaceRecognitionError(
-            f'{dataset.name}: {len(shifts)} places show features in both traverses; '
-            'two or more are needed'
-        )
-    return MeasuredShifts(np.array(shares) / WIDTH_PX, np.array(shifts, np.float64))
+    return dataset.reference
 
 
 def table(name: str, shifts: MeasuredShifts) -> str:
-    """Return correlation and errors of both axes as lines for people."""
+    """Return the correlation and the errors of both axes as a text table."""
     lines = [
-        f'{name}: {len(shifts.measured)} true pairs; shift = position in the query less position '
+        f'{name}: {len(shifts.measured)} true pairs; shift = position in the query minus position '
         'in the reference, right and down positive',
         'axis        correlation  median error  within .1  measured',
     ]
-    for axis, label, of in ((0, 'horizontal', 'width'), (1, 'vertical', 'height')):
+    for axis, label, unit in ((0, 'horizontal', 'width'), (1, 'vertical', 'height')):
         measured, estimated = shifts.measured[:, axis], shifts.estimated[:, axis]
         error = np.abs(estimated - measured)
         varies = measured.std() > 0 and estimated.std() > 0
@@ -162,12 +171,11 @@ def table(name: str, shifts: MeasuredShifts) -> str:
         lines.append(
             f'{label:10}  {correlation:11}  {np.median(error):<12.3f}  '
             f'{np.mean(error < 0.1):<9.0%}  '
-            f'{measured.min():.3f} to {measured.max():.3f} of the {of}'
+            f'{measured.min():.3f} to {measured.max():.3f} of the {unit}'
         )
     return '\n'.join(lines)
 
 
 def _store(reference: Frames, recognizer: PlaceRecognizer) -> list[int | None]:
-    """Return the ids under which the images were stored."""
-    observed = (recognizer.observe(Frame(stamp_ns, image)) for stamp_ns, image in reference)
-    return [recognizer.store(observation).keyframe_id for observation in observed]
+    """Store the reference images; return their keyframe ids, None for images not stored."""
+    return [recognizer.store(recognizer.observe(frame)).keyframe_id for frame in reference]

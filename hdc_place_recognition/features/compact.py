@@ -11,10 +11,13 @@ from hdc_place_recognition.features.local_features import LocalFeatures
 import numpy as np
 from numpy.typing import NDArray
 
+# Width of the image in which verification keypoints are found, pixels. More pixels take longer,
+# and as many keypoints of them verify no better.
+KEYPOINT_WIDTH = 320
 _SHARES = 65535
 _STEPS_PER_OCTAVE = 32
 # The smallest size that is kept, as a share of the width; 8 octaves above it can be kept.
-_SMALLEST = 1 / 320
+_SMALLEST = 1 / KEYPOINT_WIDTH
 _ANGLES = 256
 _LEVELS = 255
 # Memory of the object and the headers of its arrays, bytes.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import cv2
 from hdc_place_recognition.features.local_features import LocalFeatures
-from hdc_place_recognition.features.resize import as_grey, grid, Image, reduce_to_width, restore
+from hdc_place_recognition.features.resize import as_gray, grid, Image, reduce_to_width, restore
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -38,49 +38,49 @@ class GradientGrid:
         self._image_width = image_width
 
     def extract(self, image: Image) -> LocalFeatures:
-        """Return the 128-D features of a (h, w) grey or (h, w, 3) BGR image, of unit length."""
-        grey = reduce_to_width(
-            as_grey(image), self._image_width, multiple=CELL, smallest=CELL * BLOCK
+        """Return the 128-D features of a (h, w) gray or (h, w, 3) BGR image, of unit length."""
+        gray = reduce_to_width(
+            as_gray(image), self._image_width, multiple=CELL, smallest=CELL * BLOCK
         )
-        blocks = sliding_window_view(cell_histograms(grey), (BLOCK, BLOCK), (0, 1))[::STEP, ::STEP]
+        blocks = sliding_window_view(cell_histograms(gray), (BLOCK, BLOCK), (0, 1))[::STEP, ::STEP]
         points = grid(blocks.shape[:2], step=CELL * STEP, first=CELL * BLOCK // 2)
         descriptors = blocks.reshape(len(points), -1)
         lengths = np.linalg.norm(descriptors, axis=1)
         seen = lengths > 0
         height, width = image.shape[:2]
         return LocalFeatures(
-            keypoints=restore(points[seen], grey, image),
+            keypoints=restore(points[seen], gray, image),
             descriptors=descriptors[seen] / lengths[seen, None],
             width=width,
             height=height,
         )
 
 
-def cell_histograms(grey: Image) -> NDArray[np.float32]:
+def cell_histograms(gray: Image) -> NDArray[np.float32]:
     """
     Return the histogram of gradient orientation around each cell of 8 x 8 pixels.
 
-    :param grey: (h, w), both multiples of 8.
+    :param gray: (h, w), both multiples of 8.
     :return: (h / 8, w / 8, 8) float32, not negative: the mean gradient of an orientation in bins
         of 22.5 degrees, bin 0 around that of vertical edges, bin 4 around that of horizontal ones.
     """
-    size = (grey.shape[1] // CELL, grey.shape[0] // CELL)
+    size = (gray.shape[1] // CELL, gray.shape[0] // CELL)
     cells = [
         cv2.blur(cv2.resize(part, size, interpolation=cv2.INTER_AREA), (_BLUR, _BLUR))
-        for part in oriented_gradients(grey)
+        for part in oriented_gradients(gray)
     ]
     return np.stack(cells, axis=-1)
 
 
-def oriented_gradients(grey: Image) -> NDArray[np.float32]:
+def oriented_gradients(gray: Image) -> NDArray[np.float32]:
     """
     Return the gradient's magnitude shared out between the two nearest orientations.
 
-    :param grey: (h, w).
+    :param gray: (h, w).
     :return: (8, h, w) float32; the sum over the bins is the magnitude.
     """
-    x = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1)
-    y = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
+    x = cv2.Sobel(gray, cv2.CV_32F, 1, 0, ksize=1)
+    y = cv2.Sobel(gray, cv2.CV_32F, 0, 1, ksize=1)
     # In older OpenCV the last digit of cv2.magnitude depends on where its result is in memory.
     magnitude = np.sqrt(x * x + y * y)
     # An edge has two opposite gradients: the second half turn is that of the first again.

@@ -9,7 +9,7 @@ from typing import Any
 
 import cv2
 from hdc_place_recognition.features.local_features import LocalFeatures
-from hdc_place_recognition.features.resize import as_grey, Image, reduce_to_width, restore
+from hdc_place_recognition.features.resize import as_gray, Image, reduce_to_width, restore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,16 +41,16 @@ class KeypointExtractor:
         self._image_width, self._max_features = image_width, max_features
 
     def extract(self, image: Image) -> LocalFeatures:
-        """Return the features of a (h, w) grey or (h, w, 3) BGR image; k = 0 on a blank one."""
-        grey = reduce_to_width(as_grey(image), self._image_width)
-        keypoints, descriptors = self._detect(grey)
+        """Return the features of a (h, w) gray or (h, w, 3) BGR image; k = 0 on a blank one."""
+        gray = reduce_to_width(as_gray(image), self._image_width)
+        keypoints, descriptors = self._detect(gray)
         table = _table(keypoints)
         best = np.lexsort(table.T)[: self._max_features]
         angles, sizes, x, y, _ = table[best].astype(np.float32).T
         height, width = image.shape[:2]
-        scale = np.float32(width / grey.shape[1])
+        scale = np.float32(width / gray.shape[1])
         return LocalFeatures(
-            keypoints=restore(np.stack([x, y], axis=1), grey, image),
+            keypoints=restore(np.stack([x, y], axis=1), gray, image),
             descriptors=self._finish(descriptors[best]),
             width=width,
             height=height,
@@ -58,11 +58,11 @@ class KeypointExtractor:
             angles=angles,
         )
 
-    def _detect(self, grey: Image) -> tuple[Sequence[cv2.KeyPoint], NDArray[Any]]:
+    def _detect(self, gray: Image) -> tuple[Sequence[cv2.KeyPoint], NDArray[Any]]:
         """Return keypoints and descriptors, none instead of OpenCV's None and exceptions."""
         # ORB raises an exception if its pyramid cannot be built.
-        if min(grey.shape) > 1:
-            keypoints, descriptors = self._detector.detectAndCompute(grey, None)
+        if min(gray.shape) > 1:
+            keypoints, descriptors = self._detector.detectAndCompute(gray, None)
             if descriptors is not None:
                 return keypoints, np.asarray(descriptors)
         dtype = np.uint8 if self._detector.descriptorType() == cv2.CV_8U else np.float32

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What an extractor of local features takes and gives."""
+"""Local features, and what an extractor of them takes and gives."""
 
 from __future__ import annotations
 
@@ -16,20 +16,18 @@ class LocalFeatures:
     """
     The k local features of one image.
 
-    :param keypoints: (k, 2) float32, pixels x right and y down, pixel centres at integers.
+    :param keypoints: (k, 2) float32, pixels x right and y down, pixel centers at integers.
     :param descriptors: (k, m) float32, one row for each keypoint.
     :param width: of the image that the keypoints refer to, pixels.
     :param height: of the same image, pixels.
-    :param pooled: (p,) float32, a vector of the whole image from the same pass, or None.
     :param sizes: (k,) float32, diameters in pixels, None where the method knows no scale.
-    :param angles: (k,) float32, directions in degrees, None likewise.
+    :param angles: (k,) float32, orientations in degrees, None likewise.
     """
 
     keypoints: NDArray[np.float32]
     descriptors: NDArray[np.float32]
     width: int
     height: int
-    pooled: NDArray[np.float32] | None = None
     sizes: NDArray[np.float32] | None = None
     angles: NDArray[np.float32] | None = None
 
@@ -43,11 +41,11 @@ class Extractor(Protocol):
 
     @property
     def identity(self) -> str:
-        """Return method, settings and weights in words: equal words, comparable descriptors."""
+        """Return method, settings and weights in words; equal words mean comparable features."""
 
     def extract(self, image: NDArray[np.uint8]) -> LocalFeatures:
         """
-        Return the features of an image; k is 0 where there is nothing to see.
+        Return the features of an image; k is 0 for an image without structure.
 
-        :param image: (h, w) grey or (h, w, 3) BGR.
+        :param image: (h, w) gray or (h, w, 3) BGR.
         """

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 
 
-def as_grey(image: Image) -> Image:
-    """Return a (h, w) grey or (h, w, 3) BGR image as (h, w) grey."""
+def as_gray(image: Image) -> Image:
+    """Return a (h, w) gray or (h, w, 3) BGR image as (h, w) gray."""
     if image.ndim == 2:
         return image
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def as_bgr(image: Image) -> Image:
-    """Return a (h, w) grey or (h, w, 3) BGR image as (h, w, 3) BGR."""
+    """Return a (h, w) gray or (h, w, 3) BGR image as (h, w, 3) BGR."""
     if image.ndim == 3:
         return image
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
@@ -57,7 +57,7 @@ def grid(shape: tuple[int, ...], *, step: int, first: int) -> NDArray[np.float32
 
 def restore(keypoints: NDArray[np.float32], reduced: Image, image: Image) -> NDArray[np.float32]:
     """
-    Return keypoints of the reduced image in pixels of the image given, pixel centres at integers.
+    Return keypoints of the reduced image in pixels of the image given, pixel centers at integers.
 
     :param keypoints: (k, 2) x and y.
     :param reduced: the image they were found in.

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are made once and kept in the user's cache folder."""
+"""Files that are generated once and stored in the cache folder of the user."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ _log = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path:
-    """Return the folder, whether it exists or not: after the XDG base directory specification."""
+    """Return the cache folder by the XDG base directory specification; it may not exist."""
     base = os.environ.get('XDG_CACHE_HOME', '')
-    # The specification wants relative paths ignored.
+    # Relative paths are ignored, as the specification requires.
     root = Path(base) if os.path.isabs(base) else Path.home() / '.cache'
     return root / 'hdc_place_recognition'
 
 
 def cached(stem: str, suffix: str, make: Callable[[], bytes]) -> bytes:
     """
-    Return the content kept as `stem` and `suffix`; make and keep it if there is none.
+    Return the content of a cached file; generate and store it if it does not exist.
 
-    The file's name carries the content's hash between the two, so that a damaged file is known
-    and made again. Where the folder cannot be written, the content is made every time.
+    The file name is `<stem>-<hash of the content><suffix>`, so a damaged file is detected and
+    generated again. If the folder is not writable, the content is generated at every call.
 
-    :param stem: start of the file's name: says all that the content depends on.
-    :param suffix: end of the file's name, with its dot.
-    :param make: returns the content.
+    :param stem: start of the file name; must depend on everything that determines the content.
+    :param suffix: end of the file name, with the dot.
+    :param make: generates the content.
     """
     content = _find(stem, suffix)
     if content is None:
@@ -41,20 +41,20 @@ def cached(stem: str, suffix: str, make: Callable[[], bytes]) -> bytes:
 
 
 def _find(stem: str, suffix: str) -> bytes | None:
-    """Return the content of the first undamaged file, None if there is none."""
+    """Return the content of the first file that is not damaged, None if there is none."""
     try:
         for path in sorted(cache_folder().glob(f'{stem}-*{suffix}')):
             content = path.read_bytes()
             if path.name == _name(stem, suffix, content):
                 return content
-            _log.warning('%s is damaged, it is made again', path)
+            _log.warning('%s is damaged and is generated again', path)
     except (OSError, RuntimeError) as error:
         _log.warning('the cache cannot be read: %s', error)
     return None
 
 
 def _keep(stem: str, suffix: str, content: bytes) -> None:
-    """Write the file at once or not at all, so that no other process sees a part of it."""
+    """Write the file atomically: other processes never see an incomplete file."""
     try:
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
@@ -63,8 +63,11 @@ def _keep(stem: str, suffix: str, content: bytes) -> None:
             path.write_bytes(content)
             os.replace(path, folder / _name(stem, suffix, content))
     except (OSError, RuntimeError) as error:
-        _log.warning('the cache cannot be written, %s is made at every start: %s', stem, error)
+        _log.warning(
+            'the cache cannot be written, %s is generated at every start: %s', stem, error
+        )
 
 
 def _name(stem: str, suffix: str, content: bytes) -> str:
+    """Return the file name of a content."""
     return f'{stem}-{hashlib.sha256(content).hexdigest()[:16]}{suffix}'

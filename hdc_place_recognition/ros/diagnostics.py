@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The node's state on /diagnostics, once a second."""
+"""The state of the node on /diagnostics, once a second."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _PERIOD_S = 1.0
 
 class Diagnostics:
     """
-    Publishes what two functions say, by steady time: a paused simulation is watched too.
+    Publishes the state by steady time, so also while a simulation is paused.
 
-    :param problem: returns what is wrong, '' if nothing is.
-    :param values: returns the facts to show.
+    :param problem: returns the problem that the status warns of, '' if there is none.
+    :param values: returns keys and values of the status.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The image topic: its type and QoS, and what to say when nothing comes."""
+"""The subscription to the image topic: type, QoS, and why no image arrives."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ SILENCE_S = 5.0
 
 class ImageInput:
     """
-    Subscribes to the relative topic image and watches over it.
+    Subscribes to the relative topic `image`, and explains when no image arrives.
 
-    :param received: called with each message, in the executor's thread.
+    :param received: called with each message, in the thread of the executor.
     """
 
     def __init__(
@@ -59,11 +59,11 @@ class ImageInput:
 
     @property
     def topic(self) -> str:
-        """Return the topic's full name, after remapping."""
+        """Return the full name of the topic, after remapping."""
         return str(self._subscription.topic_name)
 
     def problem(self) -> str:
-        """Return what is wrong if no image has come for SILENCE_S, else ''."""
+        """Return why no image has arrived for SILENCE_S, '' if one has."""
         silent_s = monotonic() - self._last
         if silent_s < SILENCE_S:
             return ''
@@ -75,7 +75,7 @@ class ImageInput:
         )
 
     def _cause(self, publisher: Any) -> str:
-        """Return why a publisher does not reach us, '' if it should."""
+        """Return why images of a publisher do not arrive, '' if they should."""
         name = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
         wanted = f'sensor_msgs/msg/{self._type.__name__}'
         if publisher.topic_type != wanted:

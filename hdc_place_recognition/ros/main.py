@@ -52,13 +52,13 @@ def main(
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Interrupt once: under ros2 launch the signal can come twice, which must not end the end."""
+    """Interrupt once: ros2 launch can send the signal twice, which must not abort the shutdown."""
     _on_signals(_do_nothing)
     raise KeyboardInterrupt
 
 
 def _do_nothing(number: int, frame: FrameType | None) -> None:
-    """Take a signal that is on its way already: told to ignore it, Python would complain."""
+    """Handle a signal that is already pending; SIG_IGN would make Python print an error."""
 
 
 def _on_signals(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:
@@ -67,7 +67,7 @@ def _on_signals(handler: Callable[[int, FrameType | None], None] | signal.Handle
 
 
 def _initialize(argv: Sequence[str] | None) -> None:
-    """Start rclpy; what its C library logs of bad arguments, the exception says too."""
+    """Start rclpy, without the log of its C library, which repeats what the exception says."""
     set_logger_level('rcl', LoggingSeverity.FATAL)
     rclpy.init(args=argv)
     set_logger_level('rcl', LoggingSeverity.UNSET)
@@ -85,7 +85,7 @@ def _spin(executor: SingleThreadedExecutor, node: PlaceRecognitionNode) -> None:
 
 
 def _end(node: PlaceRecognitionNode | None) -> None:
-    """Clean up, undisturbed."""
+    """Shut down without being interrupted."""
     # rclpy stops spinning at once; Python may hear of the same signal only now.
     with suppress(KeyboardInterrupt):
         _on_signals(_do_nothing)

@@ -12,15 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hdc_place_recognition.camera import Quaternion
-from hdc_place_recognition.results import Candidate, CANDIDATE_FIELDS, Reason
+from hdc_place_recognition.results import Candidate, CANDIDATE_FIELDS, candidate_from
 from hdc_place_recognition.ros.keyframe_positions import Position
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-_NS = 1_000_000_000
 _POSITION = ('x', 'y', 'z')
 _TYPES = {
     **dict.fromkeys(_POSITION, 'f4'),
@@ -104,29 +102,8 @@ def read_table(message: PointCloud2) -> NDArray[np.void]:
 
 def read_candidates(message: PointCloud2) -> list[PublishedCandidate]:
     """Return the candidates of a message of :func:`candidates_message`; values are float32."""
-    return [
-        PublishedCandidate(_candidate(row), (float(row['x']), float(row['y']), float(row['z'])))
-        for row in read_table(message)
-    ]
+    return [PublishedCandidate(candidate_from(row), _position(row)) for row in read_table(message)]
 
 
-def _candidate(row: NDArray[np.void]) -> Candidate:
-    return Candidate(
-        query_stamp_ns=int(row['query_sec']) * _NS + int(row['query_nanosec']),
-        match_stamp_ns=int(row['match_sec']) * _NS + int(row['match_nanosec']),
-        match_id=int(row['match_id']),
-        similarity=float(row['similarity']),
-        score=float(row['score']),
-        inliers=int(row['inliers']),
-        accepted=bool(row['accepted']),
-        reason=tuple(Reason)[row['reason']],
-        shift_x=float(row['shift_x']),
-        shift_y=float(row['shift_y']),
-        rotation=_rotation(row),
-    )
-
-
-def _rotation(row: NDArray[np.void]) -> Quaternion | None:
-    """Return the rotation of a point of the cloud, None if it is not known."""
-    x, y, z, w = (float(row[name]) for name in ('qx', 'qy', 'qz', 'qw'))
-    return None if np.isnan(w) else (x, y, z, w)
+def _position(row: NDArray[np.void]) -> Position:
+    return float(row['x']), float(row['y']), float(row['z'])

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The node: images in, loop closures out."""
+"""The node: subscribes to images and publishes loop closures."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ class PlaceRecognitionNode(Node):
         ]
 
     def _values(self) -> dict[str, str]:
-        """Return the facts for /diagnostics."""
+        """Return the values for /diagnostics."""
         database = self.recognizer.database
         return {
             **self.statistics.values(),
@@ -179,7 +179,7 @@ class PlaceRecognitionNode(Node):
 
 
 def closure_line(detection: Detection) -> str:
-    """Return a loop closure in one line for people."""
+    """Return the best loop closure as a log line."""
     best, more = detection.accepted[0], len(detection.accepted) - 1
     ago_s = (best.query_stamp_ns - best.match_stamp_ns) / 1e9
     return (

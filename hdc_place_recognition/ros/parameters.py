@@ -24,7 +24,7 @@ _NAMES = tuple(item.name for item in fields(Params))
 
 class RosParameters:
     """
-    Declares the table on a node and keeps its values in step with `ros2 param set`.
+    Declares the parameters on a node, and follows `ros2 param set`.
 
     :param changed: called with the new values after a live parameter was set.
     :raises PlaceRecognitionError: a value given at start is not allowed.
@@ -59,13 +59,13 @@ class RosParameters:
 
 
 def descriptor(item: Field[Any]) -> ParameterDescriptor:
-    """Return what ROS tools show of a parameter, and check of it by themselves."""
+    """Return the description of a parameter for ROS tools, with the range that they check."""
     about = spec(item)
     described = ParameterDescriptor(
         description=f'{about.doc} [{about.unit}]' if about.unit else about.doc,
         additional_constraints=', '.join(about.choices),
         read_only=not about.live,
-        # Our own check knows that 1 serves for 1.0; ROS would refuse it by its type.
+        # ROS would refuse 1 for 1.0 by its type; our own check accepts it.
         dynamic_typing=type(item.default) is float,
     )
     if about.low is not None and about.high is not None:
@@ -81,5 +81,5 @@ def descriptor(item: Field[Any]) -> ParameterDescriptor:
 
 
 def unknown_overrides(node: Node) -> list[str]:
-    """Return the parameters given at start that the node does not have; ROS is silent of them."""
+    """Return parameters given at start that the node does not have, which ROS ignores."""
     return sorted(name for name in node._parameter_overrides if not node.has_parameter(name))

@@ -13,9 +13,9 @@ Item = TypeVar('Item')
 
 class LatestWorker(Generic[Item]):
     """
-    Works on the newest item; one that is still waiting when the next comes is dropped.
+    Processes the newest item; an item that still waits when the next arrives is dropped.
 
-    :param work: called with each item, in the worker's thread; must not raise.
+    :param work: called with each item, in the worker thread; must not raise.
     """
 
     def __init__(self, work: Callable[[Item], None]) -> None:
@@ -28,7 +28,7 @@ class LatestWorker(Generic[Item]):
         self._thread.start()
 
     def put(self, item: Item) -> bool:
-        """Hand over an item; return whether an older one was dropped for it."""
+        """Hand over an item; return whether a waiting item was dropped."""
         with self._changed:
             dropped = bool(self._waiting)
             self._waiting = [item]
@@ -36,12 +36,12 @@ class LatestWorker(Generic[Item]):
             return dropped
 
     def wait_idle(self, timeout_s: float) -> bool:
-        """Wait until nothing is left to do; return False where that takes too long."""
+        """Wait until no item is left; return False on timeout."""
         with self._changed:
             return self._changed.wait_for(lambda: not (self._waiting or self._busy), timeout_s)
 
     def stop(self, timeout_s: float) -> None:
-        """Drop what waits and end the thread after the item in work."""
+        """Drop the waiting item, and end the thread after the current one."""
         with self._changed:
             self._stopped, self._waiting = True, []
             self._changed.notify_all()
@@ -55,7 +55,7 @@ class LatestWorker(Generic[Item]):
                 self._changed.notify_all()
 
     def _next(self) -> Item | None:
-        """Wait for an item; None means that the worker was stopped."""
+        """Wait for an item and return it; return None if the worker was stopped."""
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._stopped)
             if self._stopped:

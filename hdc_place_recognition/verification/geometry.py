@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import cv2
-from hdc_place_recognition.features.compact import CompactKeypoints
+from hdc_place_recognition.features.compact import CompactKeypoints, KEYPOINT_WIDTH
 from hdc_place_recognition.verification.settings import VerificationSettings
 import numpy as np
 from numpy.typing import NDArray
@@ -119,8 +119,8 @@ def _epipolar_inliers(
         return none
     try:
         _, mask = cv2.findFundamentalMat(
-            pairs[:, 0] * settings.estimator_width,
-            pairs[:, 1] * settings.estimator_width,
+            pairs[:, 0] * KEYPOINT_WIDTH,
+            pairs[:, 1] * KEYPOINT_WIDTH,
             cv2.USAC_MAGSAC,
             settings.epipolar_pixels,
             settings.confidence,

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import cv2
 from hdc_place_recognition.camera import Camera, Quaternion
+from hdc_place_recognition.features.compact import KEYPOINT_WIDTH
 import numpy as np
 from numpy.typing import NDArray
 
 _LEAST_POINTS = 8
-# Half a pixel of 320, as a share of the width. With 1.5 pixels the median error on tum_fr1_desk,
+# Half a pixel, as a share of the width. With 1.5 pixels the median error on tum_fr1_desk,
 # whose rotations are known from motion capture, is larger.
-_TOLERANCE, _CONFIDENCE = 0.5 / 320, 0.999
+_TOLERANCE, _CONFIDENCE = 0.5 / KEYPOINT_WIDTH, 0.999
 
 
 def relative_rotation(camera: Camera, pairs: NDArray[np.float32]) -> Quaternion | None:

@@ -46,7 +46,6 @@ class VerificationSettings:
     :param least_votes: matches needed to vote at all.
     :param least_epipolar: matches needed for a fundamental matrix.
     :param epipolar_pixels: threshold of MAGSAC++, pixels of an image of \`estimator_width\`.
-    :param estimator_width: width that points are scaled to for the estimator, pixels.
     :param confidence: of the estimator.
     :param iterations: of the estimator at most.
 
@@ -85,7 +84,6 @@ class VerificationSettings:
     least_votes: int = 4
     least_epipolar: int = 8
     epipolar_pixels: float = 1.5
-    estimator_width: int = 320
     confidence: float = 0.999
     iterations: int = 1000
 

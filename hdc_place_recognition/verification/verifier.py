@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from hdc_place_recognition.camera import Camera, Quaternion
 from hdc_place_recognition.database.base import KeyframeDatabase, Match, Query, SearchResult
-from hdc_place_recognition.features.compact import quantize
+from hdc_place_recognition.features.compact import KEYPOINT_WIDTH, quantize
 from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.results import Candidate, NOT_VERIFIED, Reason
@@ -94,7 +94,7 @@ class CandidateVerifier:
             LocalFeatures(
                 keypoints=rng.uniform(0, 200, (50, 2)).astype(np.float32),
                 descriptors=rng.random((50, 128), np.float32),
-                width=320,
+                width=KEYPOINT_WIDTH,
                 height=240,
                 sizes=np.full(50, 4, np.float32),
                 angles=np.zeros(50, np.float32),
@@ -106,9 +106,9 @@ class CandidateVerifier:
         """Return the strength of the best match, less what its lead over a rival lacks."""
         strength, clear = best.evidence.strength, self.settings.clear_lead
         leads = [
-            strength - other.evidence.strength
-            for other in hypotheses
-            if self._apart(other, best) > self.settings.elsewhere
+            strength - rival.evidence.strength
+            for rival in hypotheses
+            if self._apart(rival, best) > self.settings.elsewhere
         ]
         return strength - max(clear - min(leads, default=clear), 0.0)
 

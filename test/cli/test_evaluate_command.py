@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What hdc_evaluate prints, writes and refuses."""
+"""Output, files and errors of hdc_evaluate."""
 
 import csv
 import json
@@ -9,6 +9,7 @@ from bag_messages import CAMERA, image, odometry, write_bag
 from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.cli import evaluate
+from hdc_place_recognition.evaluation import evaluate as evaluation
 from hdc_place_recognition.evaluation import plots
 from hdc_place_recognition.params.formats import load_yaml
 from hdc_place_recognition.recognition.factory import assemble
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 S = 10**9
-# The keys that the project promised, and those that it added since.
+# Documented keys of metrics.json, and keys added later.
 KEYS = {
     'average_precision',
     'recall_at_1',
@@ -42,15 +43,15 @@ SMALL = ['--dimensions', '512', '--min-score', '0.8', '--top-k', '3']
 
 @pytest.fixture(autouse=True)
 def tiny_extractor(monkeypatch):
-    """Give the command an extractor without weights."""
+    """Replace the extractor by one without weights."""
     monkeypatch.setattr(
-        evaluate, 'create_recognizer', lambda params: assemble(params, CellExtractor())
+        evaluation, 'create_recognizer', lambda params: assemble(params, CellExtractor())
     )
 
 
 @pytest.fixture
 def loop(tmp_path):
-    """Return a folder of nine places, of which the seventh and eighth were seen before."""
+    """Return a folder of nine images; images 6 and 7 show the places of images 0 and 1."""
     folder = tmp_path / 'loop'
     (folder / 'images').mkdir(parents=True)
     for index, place in enumerate(PLACES):
@@ -71,7 +72,7 @@ def read_csv(file):
         return list(csv.DictReader(stream))
 
 
-def test_json_is_alone_on_stdout_and_equals_the_file(loop, tmp_path, capsys):
+def test_json_prints_only_the_content_of_metrics_json(loop, tmp_path, capsys):
     code, out, _ = run(capsys, loop, *SMALL, '--json', '--output', tmp_path / 'out')
     assert code == 0
     metrics = json.loads(out)
@@ -85,7 +86,7 @@ def test_json_is_alone_on_stdout_and_equals_the_file(loop, tmp_path, capsys):
     assert set(metrics['ms_per_image']) == stages
 
 
-def test_several_inputs_are_a_list_and_a_table(loop, tmp_path, capsys):
+def test_several_inputs_give_a_list_or_a_summary(loop, tmp_path, capsys):
     code, out, _ = run(capsys, loop, loop, *SMALL, '--json', '--output', tmp_path / 'out')
     assert code == 0
     assert [metrics['name'] for metrics in json.loads(out)] == ['loop', 'loop']
@@ -101,7 +102,7 @@ def test_table(loop, tmp_path, capsys):
     assert cells['average_precision'] == '1.000'
     assert cells['closures_true'] == '2'
     assert cells['mode'].startswith('one sequence')
-    # Rows 3 ... 8 have 1 ... 6 images that are old enough.
+    # Images 3 to 8 have 1 to 6 images that are old enough.
     assert cells['pairs'] == '21 compared: 2 to be found, 0 ignored'
     assert cells['->'] == str(tmp_path / 'out' / 'loop_1')
 
@@ -111,7 +112,7 @@ def test_results_are_never_overwritten(loop, tmp_path, capsys):
         run(capsys, loop, *SMALL, '--output', tmp_path / 'out')
     (tmp_path / 'out' / 'loop_1' / 'metrics.json').unlink()
     run(capsys, loop, *SMALL, '--output', tmp_path / 'out')
-    assert sorted(each.name for each in (tmp_path / 'out').iterdir()) == [
+    assert sorted(folder.name for folder in (tmp_path / 'out').iterdir()) == [
         'loop_1',
         'loop_2',
         'loop_3',
@@ -130,9 +131,9 @@ def test_candidates_file(loop, tmp_path, capsys):
         'score',
         'inliers',
         'accepted',
-        'reason',
         'shift_x',
         'shift_y',
+        'reason',
         'qx',
         'qy',
         'qz',
@@ -149,7 +150,7 @@ def test_candidates_file(loop, tmp_path, capsys):
 
 
 def test_area_of_the_curve_file_is_the_metric(loop, tmp_path, capsys):
-    # Worse features, so that there is something to see.
+    # A small d, so that the metric is not 1.
     _, out, _ = run(capsys, loop, '--dimensions', '64', '--json', '--output', tmp_path)
     for curve, key in (('all_pairs', 'average_precision'), ('best_match', 'area_best_match')):
         area = last = 0.0
@@ -165,7 +166,7 @@ def test_written_parameters_repeat_the_run(loop, tmp_path, capsys):
     written = tmp_path / 'loop_1' / 'params.yaml'
     values = load_yaml(written)
     assert (values['seed'], values['dimensions']) == (5, 512)
-    # What the data set fixed is in it, too.
+    # The overrides of the dataset are written too.
     assert (values['exclude_recent_s'], values['min_interval_s']) == (3.0, 0.0)
     run(capsys, loop, '--params-file', written, '--output', tmp_path)
     for name in ('candidates.csv', 'precision_recall.csv', 'params.yaml'):
@@ -198,7 +199,7 @@ def test_without_ground_truth_metrics_are_null(loop, tmp_path, capsys):
 
 
 def bag_of(folder, truth=True):
-    """Write a loop as a bag, one image a second, with odometry where it was."""
+    """Write the loop as a bag at 1 Hz, with odometry if `truth` is set."""
     messages = []
     for index, place in enumerate(PLACES):
         message = image((index + 1) * S)
@@ -225,13 +226,13 @@ def test_bag_with_ground_truth(tmp_path, capsys, caplog):
     assert (json.loads(out)['closures'], json.loads(out)['precision']) == (2, None)
 
 
-def test_odometry_of_a_bag_tells_that_the_robot_stands_still(tmp_path, capsys):
+def test_odometry_of_a_bag_selects_keyframes(tmp_path, capsys):
     bag = bag_of(tmp_path / 'drive')
     still = ['--keyframe-distance-m', '15', '--keyframe-angle-deg', '10', '--json', *SMALL]
     still += ['--exclude-recent-s', '0', '--odom-tolerance-s', '2', '--output', tmp_path]
-    _, every, _ = run(capsys, bag, *still)
-    _, some, _ = run(capsys, bag, '--odom-topic', '/odom', *still)
-    assert json.loads(some)['database_bytes'] < json.loads(every)['database_bytes']
+    _, without, _ = run(capsys, bag, *still)
+    _, with_odom, _ = run(capsys, bag, '--odom-topic', '/odom', *still)
+    assert json.loads(with_odom)['database_bytes'] < json.loads(without)['database_bytes']
     code, _, err = run(capsys, bag, '--database', bag, '--odom-topic', '/odom', *still)
     assert code == 2 and '--odom-topic /odom: two traverses' in err
 
@@ -284,7 +285,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert err.count('\n') == 1
 
 
-def test_plot_draws_pictures(loop, tmp_path, capsys):
+def test_plot_writes_images(loop, tmp_path, capsys):
     pytest.importorskip('matplotlib')
     code, _, _ = run(capsys, loop, *SMALL, '--plot', '--output', tmp_path)
     assert code == 0
@@ -298,7 +299,7 @@ def test_plot_without_truth_and_closures(loop, tmp_path, capsys):
     (loop / 'gt.npz').unlink()
     code, _, _ = run(capsys, loop, '--plot', '--min-score', '1', '--output', tmp_path)
     assert code == 0
-    drawn = {each.name for each in (tmp_path / 'loop_1').glob('*.png')}
+    drawn = {file.name for file in (tmp_path / 'loop_1').glob('*.png')}
     assert drawn == {'closures.png'}
 
 
@@ -307,7 +308,7 @@ def test_plot_without_matplotlib_names_the_extra(loop, tmp_path, capsys, monkeyp
     code, _, err = run(capsys, loop, '--plot', '--output', tmp_path / 'out')
     assert code == 2
     assert "pip install 'hdc_place_recognition[plot]'" in err
-    # Said before the work, not after it.
+    # The error comes before any work is done.
     assert not (tmp_path / 'out').exists()
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of the conversion of image messages: every encoding, padded, in both byte orders."""
+"""Conversion of image messages: every encoding, with padding, in both byte orders."""
 
 from array import array
 from types import SimpleNamespace
@@ -17,9 +17,9 @@ import pytest
 
 PADDING = 5
 BLUE, GREEN, RED = [255, 0, 0], [0, 255, 0], [0, 0, 255]
-# The samples (Y, U, V) of full-scale primaries by ITU-R BT.601, as colour bars have them.
+# (Y, U, V) of full-scale primary colors by ITU-R BT.601.
 YUV = {'blue': (41, 240, 110), 'green': (145, 54, 34), 'red': (81, 90, 240)}
-# Samples of one pixel, and of which type; all encodings of one plane.
+# Samples per pixel and their type, for all encodings with one plane.
 LAYOUTS = {
     **dict.fromkeys(['mono8', '8UC1'], (1, 'u1')),
     **dict.fromkeys(['bgr8', 'rgb8', '8UC3'], (3, 'u1')),
@@ -43,9 +43,9 @@ CONTAINERS = {
 
 
 def padded(rows: np.ndarray, padding: int) -> bytes:
-    """Return the rows' bytes, each but the last one followed by rubbish."""
-    rubbish = bytes(201 + i % 50 for i in range(padding))
-    return rubbish.join(row.tobytes() for row in rows)
+    """Return the bytes of the rows; random padding follows each row except the last."""
+    garbage = bytes(201 + i % 50 for i in range(padding))
+    return garbage.join(row.tobytes() for row in rows)
 
 
 def message(encoding, pixels, padding=0, big=False, container=bytes):
@@ -71,7 +71,7 @@ def two_planes(encoding, luma, chroma, padding=0):
 
 
 def random_pixels(encoding, height=6, width=8):
-    """Return random pixels of an encoding of one plane."""
+    """Return random pixels for an encoding with one plane."""
     channels, dtype = LAYOUTS[encoding]
     rng = np.random.default_rng(7)
     if dtype == 'f4':
@@ -87,7 +87,7 @@ def compressed(pixels, extension, format_):
 
 
 def picture(height=48, width=64):
-    """Return a smooth BGR image, which JPEG keeps well."""
+    """Return a smooth BGR image, with small JPEG errors."""
     small = np.random.default_rng(3).integers(0, 256, (4, 5, 3), np.uint8)
     return cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
 
@@ -97,7 +97,7 @@ def test_the_layouts_cover_every_supported_encoding():
     assert len(set(SUPPORTED_ENCODINGS)) == len(SUPPORTED_ENCODINGS)
 
 
-# --- Small images by hand
+# --- Small images, by hand
 
 PIXELS = [
     ('mono8', np.uint8([[0, 7], [200, 255]]), [[0, 7], [200, 255]]),
@@ -115,7 +115,7 @@ PIXELS = [
     ('bgra16', np.uint16([[[0x0100, 0x0200, 0xFFFF, 0x0900]]]), [[[1, 2, 255]]]),
     ('16UC4', np.uint16([[[0x0100, 0x0200, 0xFFFF, 0x0900]]]), [[[1, 2, 255]]]),
     ('rgba16', np.uint16([[[0x0100, 0x0200, 0xFFFF, 0x0900]]]), [[[255, 2, 1]]]),
-    # Of a thermal camera (1/100 K) and of a depth camera (mm, 0 where it knows nothing).
+    # A thermal camera (1/100 K) and a depth camera (mm, 0 for unknown).
     ('16UC1', np.uint16([[29000, 29100], [29255, 29510]]), [[0, 50], [128, 255]]),
     ('16UC1', np.uint16([[0, 1000, 5000]]), [[0, 51, 255]]),
     ('16UC1', np.uint16([[300, 300]]), [[0, 0]]),
@@ -134,7 +134,7 @@ PIXELS = [
 @pytest.mark.parametrize('big', [False, True], ids=['little', 'big'])
 @pytest.mark.parametrize('padding', [0, 1, PADDING])
 @pytest.mark.parametrize(('encoding', 'pixels', 'expected'), PIXELS)
-def test_pixels_written_out(encoding, pixels, expected, padding, big):
+def test_small_images(encoding, pixels, expected, padding, big):
     result = image_from_message(message(encoding, pixels, padding, big))
     np.testing.assert_array_equal(result, expected)
     assert result.dtype == np.uint8
@@ -143,9 +143,9 @@ def test_pixels_written_out(encoding, pixels, expected, padding, big):
 @pytest.mark.parametrize('padding', [0, PADDING])
 @pytest.mark.parametrize('bits', [8, 16])
 @pytest.mark.parametrize('order', ['rggb', 'bggr', 'gbrg', 'grbg'])
-def test_bayer_patterns_of_a_plain_colour(order, bits, padding):
+def test_bayer_patterns_of_a_uniform_color(order, bits, padding):
     levels = {'r': 200, 'g': 100, 'b': 50}
-    tile = np.reshape([levels[colour] for colour in order], (2, 2))
+    tile = np.reshape([levels[channel] for channel in order], (2, 2))
     mosaic = np.tile(tile, (4, 5)).astype(np.uint8)
     if bits == 16:
         mosaic = mosaic.astype(np.uint16) << 8
@@ -158,8 +158,8 @@ def test_bayer_patterns_of_a_plain_colour(order, bits, padding):
     ('encodings', 'order'),
     [(('uyvy', 'yuv422'), [1, 0, 2, 0]), (('yuyv', 'yuv422_yuy2'), [0, 1, 0, 2])],
 )
-def test_yuv_of_which_two_pixels_share_the_colour(encodings, order, padding):
-    # Two pixels are four samples: of blue beside red, over green beside white.
+def test_yuv_422(encodings, order, padding):
+    # Four samples are two pixels: blue and red in row 0, green and white in row 1.
     tiles = [[YUV['blue'], YUV['red']], [YUV['green'], (235, 128, 128)]]
     samples = np.uint8([[[tile[i] for i in order] for tile in row] for row in tiles])
     pixels = samples.reshape(2, 4, 2)
@@ -171,7 +171,7 @@ def test_yuv_of_which_two_pixels_share_the_colour(encodings, order, padding):
 
 @pytest.mark.parametrize('padding', [0, 6])
 @pytest.mark.parametrize(('encoding', 'order'), [('nv12', [1, 2]), ('nv21', [2, 1])])
-def test_yuv_of_which_four_pixels_share_the_colour(encoding, order, padding):
+def test_yuv_420(encoding, order, padding):
     names = ['blue', 'red']
     luma = np.repeat(np.repeat(np.uint8([[YUV[name][0] for name in names]]), 2, 0), 2, 1)
     chroma = np.uint8([[[YUV[name][i] for i in order] for name in names]])
@@ -180,7 +180,7 @@ def test_yuv_of_which_four_pixels_share_the_colour(encoding, order, padding):
 
 
 @pytest.mark.parametrize('padding', [0, PADDING])
-def test_yuv_of_which_each_pixel_has_its_colour(padding):
+def test_yuv_444(padding):
     names = [['blue', 'red', 'green'], ['green', 'blue', 'red']]
     pixels = np.uint8([[YUV[name] for name in row] for row in names])
     made = two_planes('nv24', pixels[..., 0], pixels[..., 1:], padding)
@@ -188,7 +188,7 @@ def test_yuv_of_which_each_pixel_has_its_colour(padding):
     np.testing.assert_allclose(image_from_message(made), expected, atol=2)
 
 
-# --- Whole images against other implementations
+# --- Comparison with other implementations
 
 ORACLE = [
     *((encoding, 'mono8') for encoding in ('mono8', 'mono16')),
@@ -206,7 +206,7 @@ def test_agrees_with_rosbags_image(encoding, target, big):
     pixels = random_pixels(encoding)
     result = image_from_message(message(encoding, pixels, PADDING, big))
     expected = oracle(message(encoding, pixels, 0, big), target)
-    # It rounds 16 bits otherwise: by at most one level.
+    # rosbags rounds 16-bit values differently, by at most one level.
     np.testing.assert_allclose(
         result.astype(int), expected, atol=1 if LAYOUTS[encoding][1] == 'u2' else 0
     )
@@ -221,7 +221,7 @@ def test_agrees_with_opencv_on_planes_in_one_array(encoding, code):
     np.testing.assert_array_equal(image_from_message(made), cv2.cvtColor(rows, code))
 
 
-# --- What holds for all
+# --- All encodings
 
 
 @pytest.mark.parametrize('padding', [1, 2, PADDING, 64])
@@ -261,7 +261,7 @@ def test_an_image_that_shares_memory_is_read_only(encoding, container):
 
 
 @pytest.mark.parametrize('padding', [0, PADDING])
-def test_the_last_row_may_have_its_padding_or_more(padding):
+def test_the_last_row_may_have_padding(padding):
     pixels = random_pixels('bgr8')
     made = message('bgr8', pixels, padding)
     made.data += bytes(padding + 100)
@@ -299,10 +299,10 @@ def test_data_too_short(missing):
 
 
 @pytest.mark.parametrize('encoding', SUPPORTED_ENCODINGS)
-def test_one_byte_too_few_of_every_encoding(encoding):
+def test_one_byte_missing_in_every_encoding(encoding):
     if encoding in TWO_PLANES:
-        each = 1 if encoding == 'nv24' else 2
-        chroma = np.zeros((4 // each, 4 // each, 2), np.uint8)
+        subsampling = 1 if encoding == 'nv24' else 2
+        chroma = np.zeros((4 // subsampling, 4 // subsampling, 2), np.uint8)
         made = two_planes(encoding, np.zeros((4, 4), np.uint8), chroma, PADDING)
     else:
         made = message(encoding, random_pixels(encoding), PADDING)
@@ -320,12 +320,12 @@ def test_step_shorter_than_a_row(step):
 
 
 @pytest.mark.parametrize('fields', [{'height': 0}, {'width': 0}, {'height': 0, 'width': 0}])
-def test_no_pixels(fields):
+def test_zero_size(fields):
     with pytest.raises(PlaceRecognitionError, match=r'bgr8.* needs at least one pixel'):
         image_from_message(changed(**fields))
 
 
-def test_absurd_size():
+def test_huge_size():
     with pytest.raises(PlaceRecognitionError, match='needs 124554051550 bytes of data, not 169'):
         image_from_message(changed(height=2**32 - 1))
 
@@ -350,7 +350,7 @@ def test_unknown_encoding(encoding):
         ('nv21', 2, 3, 'a height divisible by 2 and a width by 2'),
     ],
 )
-def test_pixels_that_share_a_colour_come_in_pairs(encoding, height, width, needed):
+def test_sizes_must_be_multiples_of_the_subsampling(encoding, height, width, needed):
     made = changed(encoding=encoding, height=height, width=width)
     with pytest.raises(PlaceRecognitionError, match=f'{encoding}.* needs {needed}'):
         image_from_message(made)
@@ -360,27 +360,27 @@ def test_pixels_that_share_a_colour_come_in_pairs(encoding, height, width, neede
 
 
 @pytest.mark.parametrize('format_', ['jpeg', '', 'bgr8; jpeg compressed bgr8', 'rgb8; jpeg'])
-def test_colour_jpeg(format_):
+def test_color_jpeg(format_):
     result = image_from_message(compressed(picture(), '.jpg', format_))
     assert result.shape == (48, 64, 3)
     assert np.abs(result.astype(int) - picture()).mean() < 6
 
 
 @pytest.mark.parametrize('format_', ['jpeg', '', 'mono8; jpeg compressed ', 'mono16; jpeg'])
-def test_grey_jpeg_stays_grey(format_):
-    grey = picture()[..., 0]
-    result = image_from_message(compressed(grey, '.jpg', format_))
+def test_gray_jpeg_stays_gray(format_):
+    gray = picture()[..., 0]
+    result = image_from_message(compressed(gray, '.jpg', format_))
     assert result.shape == (48, 64)
-    assert np.abs(result.astype(int) - grey).mean() < 3
+    assert np.abs(result.astype(int) - gray).mean() < 3
 
 
 @pytest.mark.parametrize('format_', ['png', 'rgb8; png compressed bgr8', 'bgr8; png compressed '])
-def test_colour_png(format_):
+def test_color_png(format_):
     result = image_from_message(compressed(picture(), '.png', format_))
     np.testing.assert_array_equal(result, picture())
 
 
-def test_colours_compressed_in_the_order_of_rgb():
+def test_compressed_rgb_order():
     made = compressed(picture()[..., ::-1], '.png', 'rgb8; png compressed rgb8')
     np.testing.assert_array_equal(image_from_message(made), picture())
 
@@ -403,7 +403,7 @@ def test_16_bit_png_is_full_scale():
 
 
 @pytest.mark.parametrize('encoding', ['16UC1', 'mono16', 'bayer_rggb8', 'bayer_gbrg16', 'mono8'])
-def test_compressed_as_it_was_is_like_the_raw_message(encoding):
+def test_compressed_raw_encodings_equal_the_raw_message(encoding):
     pixels = random_pixels(encoding)[..., 0]
     result = image_from_message(compressed(pixels, '.png', f'{encoding}; png compressed '))
     np.testing.assert_array_equal(result, image_from_message(message(encoding, pixels)))
@@ -423,7 +423,7 @@ def test_an_orientation_in_the_file_is_ignored():
 
 @pytest.mark.parametrize('extension', ['.jpg', '.png'])
 @pytest.mark.parametrize('kept', [0, 1, 20, 0.3, 0.6, 0.99, -2])
-def test_a_file_cut_short(extension, kept):
+def test_truncated_file(extension, kept):
     data = cv2.imencode(extension, picture())[1].tobytes()
     data = data[: int(kept * len(data)) if isinstance(kept, float) else kept]
     made = SimpleNamespace(format='rgb8; anything', data=array('B', data))
@@ -432,7 +432,7 @@ def test_a_file_cut_short(extension, kept):
         image_from_message(made)
 
 
-def test_bytes_after_the_file_do_no_harm():
+def test_bytes_after_the_file_are_ignored():
     for extension in ('.jpg', '.png'):
         made = compressed(picture(), extension, 'any')
         expected = image_from_message(made)
@@ -441,7 +441,7 @@ def test_bytes_after_the_file_do_no_harm():
 
 
 @pytest.mark.parametrize('data', [b'', b'not an image at all', bytes(1000), b'\xff\xd8\xff'])
-def test_what_is_not_an_image(data):
+def test_data_that_is_not_an_image(data):
     made = SimpleNamespace(format='h264', data=data)
     with pytest.raises(PlaceRecognitionError, match=f"'h264' and {len(data)} bytes cannot be dec"):
         image_from_message(made)

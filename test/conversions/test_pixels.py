@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of the scaling to 8 bits, with values written out by hand."""
+"""Scaling to 8 bits, with values computed by hand."""
 
 from hdc_place_recognition.conversions.pixels import as_uint8
 from hdc_place_recognition.errors import PlaceRecognitionError
@@ -12,9 +12,9 @@ LEAST = np.finfo(np.float32).smallest_subnormal
 
 
 def test_uint8_is_returned_as_it_is():
-    grey = np.array([[0, 1], [254, 255]], np.uint8)
-    assert np.shares_memory(as_uint8(grey), grey)
-    np.testing.assert_array_equal(as_uint8(grey), grey)
+    gray = np.array([[0, 1], [254, 255]], np.uint8)
+    assert np.shares_memory(as_uint8(gray), gray)
+    np.testing.assert_array_equal(as_uint8(gray), gray)
 
 
 def test_uint16_is_full_scale():
@@ -23,23 +23,23 @@ def test_uint16_is_full_scale():
 
 
 @pytest.mark.parametrize('factor', [256, 257])
-def test_uint16_undoes_both_ways_to_make_16_bits_of_8(factor):
+def test_uint16_inverts_both_scalings_from_8_bits(factor):
     levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
     np.testing.assert_array_equal(as_uint8(levels.astype(np.uint16) * np.uint16(factor)), levels)
 
 
-def test_float_is_stretched():
+def test_float_is_scaled_by_its_range():
     image = np.array([[-1.0, -0.5, 0.0], [0.5, 0.9, 1.0]], np.float32)
     np.testing.assert_array_equal(as_uint8(image), [[0, 64, 128], [191, 242, 255]])
 
 
-def test_what_is_not_finite_is_black_and_does_not_stretch():
+def test_values_that_are_not_finite_become_0():
     image = np.array([[2.0, np.nan, 3.0], [np.inf, 4.0, -np.inf]], np.float32)
     np.testing.assert_array_equal(as_uint8(image), [[0, 0, 128], [0, 255, 0]])
 
 
 @pytest.mark.filterwarnings('error')
-def test_a_signalling_nan_is_no_more_than_that():
+def test_a_signaling_nan_gives_no_warning():
     image = np.array([[0x7F800001, 0, 0x3F800000]], np.uint32).view(np.float32)
     np.testing.assert_array_equal(as_uint8(image), [[0, 0, 255]])
 
@@ -51,13 +51,13 @@ def test_a_constant_float_image_is_black(value):
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('extreme', [GREATEST, LEAST])
-def test_the_span_of_a_float_image_may_be_anything(extreme):
+def test_extreme_ranges_of_float_images(extreme):
     image = np.array([[-extreme, 0.0, extreme]], np.float32)
     np.testing.assert_array_equal(as_uint8(image), [[0, 128, 255]])
 
 
 @pytest.mark.parametrize('dtype', [np.uint8, np.uint16, np.float32])
-def test_alpha_is_dropped_and_takes_no_part_in_the_scale(dtype):
+def test_alpha_is_dropped_before_scaling(dtype):
     bgr = np.array([[[0, 1, 2], [3, 4, 5]]], dtype)
     bgra = np.dstack([bgr, np.full((1, 2), 200, dtype)])
     result = as_uint8(bgra)
@@ -65,13 +65,13 @@ def test_alpha_is_dropped_and_takes_no_part_in_the_scale(dtype):
     np.testing.assert_array_equal(result, as_uint8(bgr))
 
 
-def test_one_channel_becomes_grey():
+def test_one_channel_becomes_gray():
     assert as_uint8(np.zeros((4, 5, 1), np.uint8)).shape == (4, 5)
 
 
 @pytest.mark.parametrize('dtype', [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize('shape', [(1, 1), (6, 4), (6, 4, 1), (6, 4, 3), (6, 4, 4)])
-def test_the_result_is_contiguous_and_the_input_untouched(dtype, shape):
+def test_the_result_is_contiguous_and_the_input_unchanged(dtype, shape):
     whole = np.random.default_rng(1).integers(0, 255, shape).astype(dtype)
     before = whole.copy()
     for image in (whole, whole[::-1], whole[:, ::2], whole[::2, ::-1]):
@@ -98,6 +98,6 @@ def test_the_result_is_contiguous_and_the_input_untouched(dtype, shape):
     ],
     ids=lambda image: f'{image.shape}-{image.dtype}',
 )
-def test_other_shapes_and_types_are_refused(image):
+def test_unsupported_shapes_and_types_are_errors(image):
     with pytest.raises(PlaceRecognitionError, match=r'image has shape \(.*\) and dtype \S+; need'):
         as_uint8(image)

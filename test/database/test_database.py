@@ -67,7 +67,7 @@ def ids(matches) -> list[int]:
 
 def expected(queries: list[Query], query: Query) -> tuple[NDArray, NDArray]:
     """Return similarities and shifts by the formula of the docstring, in float64."""
-    vectors = np.array([each.vectors for each in queries], np.float64)
+    vectors = np.array([earlier.vectors for earlier in queries], np.float64)
     means = vectors.mean(axis=0)
     rows, asked = vectors[:, SHIFTS // 2] - means[SHIFTS // 2], query.vectors - means
     table = rows @ asked.T / np.linalg.norm(rows, axis=1)[:, None]
@@ -251,15 +251,17 @@ def test_nothing_to_compare_is_zero_and_not_nan(create):
 
 def test_both_answer_the_same():
     queries, asked = images(60), images(5, seed=7)
-    answers = [filled(one, queries, 0, 1, 1) for one in (in_memory, in_a_list)]
+    databases = [filled(create, queries, 0, 1, 1) for create in (in_memory, in_a_list)]
     for query in asked:
-        found, wanted = (one.search(query, 6, before_ns=500, also=[4]) for one in answers)
+        found, wanted = (
+            database.search(query, 6, before_ns=500, also=[4]) for database in databases
+        )
         assert ids(found.matches) == ids(wanted.matches)
         assert set(found.others) == set(wanted.others)
-        for match, other in zip(found.matches, wanted.matches, strict=True):
+        for match, wanted_match in zip(found.matches, wanted.matches, strict=True):
             assert match == Match(
-                other.keyframe_id,
-                pytest.approx(other.similarity, abs=1e-5),
-                other.shift,
-                other.at_edge,
+                wanted_match.keyframe_id,
+                pytest.approx(wanted_match.similarity, abs=1e-5),
+                wanted_match.shift,
+                wanted_match.at_edge,
             )

@@ -174,13 +174,16 @@ def test_recognizer_is_bounded_and_names_images_by_their_numbers():
     params = Params(
         dimensions=1024, exclude_recent_s=2.0, max_keyframes=8, keyframe_similarity=1.0
     )
-    one = assemble(params, CellExtractor())
+    recognizer = assemble(params, CellExtractor())
     visits = [0, 0, 0, *range(10, 16), 12, 13, 14]
-    found = [one.process(Frame(index * S, texture(each))) for index, each in enumerate(visits)]
-    assert len(one.database) == 8
-    assert [each.evicted_ids for each in found[:8]] == [()] * 8
+    found = [
+        recognizer.process(Frame(index * S, texture(detection)))
+        for index, detection in enumerate(visits)
+    ]
+    assert len(recognizer.database) == 8
+    assert [detection.evicted_ids for detection in found[:8]] == [()] * 8
     assert found[8].evicted_ids in ((0,), (1,), (2,))
-    assert [each.candidates[0].match_id for each in found[9:]] == [5, 6, 7]
-    assert [each.candidates[0].match_stamp_ns // S for each in found[9:]] == [5, 6, 7]
-    blank = one.process(Frame(60 * S, np.zeros((48, 64), np.uint8)))
+    assert [detection.candidates[0].match_id for detection in found[9:]] == [5, 6, 7]
+    assert [detection.candidates[0].match_stamp_ns // S for detection in found[9:]] == [5, 6, 7]
+    blank = recognizer.process(Frame(60 * S, np.zeros((48, 64), np.uint8)))
     assert blank.evicted_ids == ()

@@ -94,20 +94,20 @@ def test_many_maps(tmp_path, monkeypatch):
 def test_a_full_disk_is_reported_and_the_robot_goes_on(tmp_path, monkeypatch):
     params = Params(dimensions=64, exclude_recent_s=0.0, keyframe_similarity=1.0)
     params = params.replace(rows_folder=str(tmp_path))
-    one = assemble(params, CellExtractor())
+    recognizer = assemble(params, CellExtractor())
 
     def full(*_: int) -> None:
         raise OSError(errno.ENOSPC, 'No space left on device')
 
     monkeypatch.setattr(os, 'posix_fallocate', full)
-    refused = one.process(Frame(0, texture(0)))
-    assert refused.keyframe_id is None and len(one.database) == 0
+    refused = recognizer.process(Frame(0, texture(0)))
+    assert refused.keyframe_id is None and len(recognizer.database) == 0
     assert refused.not_stored.startswith(f'rows_folder {tmp_path}: No space left on device for ')
     assert 'set max_keyframes' in refused.not_stored
     monkeypatch.undo()
-    stored = one.process(Frame(10**9, texture(0)))
+    stored = recognizer.process(Frame(10**9, texture(0)))
     assert stored.keyframe_id == 0 and not stored.not_stored
-    assert one.process(Frame(2 * 10**9, texture(0))).candidates[0].match_id == 0
+    assert recognizer.process(Frame(2 * 10**9, texture(0))).candidates[0].match_id == 0
 
 
 def test_no_such_folder_is_one_line(tmp_path):

@@ -1,6 +1,9 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Images and poses from bags that the tests write."""
+"""Images, poses and cameras from bags."""
+
+import subprocess
+import sys
 
 from bag_messages import (
     CAMERA,
@@ -36,11 +39,11 @@ def test_images_and_exact_header_stamps(tmp_path, plugin, bare):
     images = bags.BagImages.from_bag(bag)
     assert images.topic == CAMERA
     assert len(images) == 3
-    for _ in range(2):  # can be gone through again
+    for _ in range(2):  # frames can be iterated again
         frames = list(images)
-        assert [stamp for stamp, _ in frames] == stamps
-        assert [frame.shape for _, frame in frames] == [(4, 6)] * 3
-        assert [int(frame.min()) for _, frame in frames] == [0, 1, 2]
+        assert [frame.stamp_ns for frame in frames] == stamps
+        assert [frame.image.shape for frame in frames] == [(4, 6)] * 3
+        assert [int(frame.image.min()) for frame in frames] == [0, 1, 2]
 
 
 def test_ros1_bag(tmp_path):
@@ -50,9 +53,9 @@ def test_ros1_bag(tmp_path):
         connection = writer.add_connection(CAMERA, kind, typestore=STORE1)
         message = image(START, 7, store=STORE1)
         writer.write(connection, 5 * S, STORE1.serialize_ros1(message, kind))
-    ((stamp, frame),) = bags.BagImages.from_bag(path)
-    assert stamp == START
-    assert (frame == 7).all()
+    (frame,) = bags.BagImages.from_bag(path)
+    assert frame.stamp_ns == START
+    assert (frame.image == 7).all()
 
 
 def test_compressed_images(tmp_path):
@@ -64,17 +67,17 @@ def test_compressed_images(tmp_path):
         data=cv2.imencode('.png', sent)[1],
     )
     bag = write_bag(tmp_path / 'bag', [('/camera/image_raw/compressed', message)])
-    ((_, frame),) = bags.BagImages.from_bag(bag)
-    np.testing.assert_array_equal(frame, sent)
+    (frame,) = bags.BagImages.from_bag(bag)
+    np.testing.assert_array_equal(frame.image, sent)
 
 
-def test_several_image_topics_are_listed_to_be_copied(tmp_path):
+def test_several_image_topics_are_listed_as_flags(tmp_path):
     bag = write_bag(tmp_path / 'bag', [('/right', image(1)), ('/left', image(2))])
     with pytest.raises(PlaceRecognitionError, match=r'use --topic /left \| --topic /right$'):
         bags.BagImages.from_bag(bag)
     with pytest.raises(PlaceRecognitionError, match=r'no .* topic /top; use --topic /left'):
         bags.BagImages.from_bag(bag, '/top')
-    assert [stamp for stamp, _ in bags.BagImages.from_bag(bag, '/right')] == [1]
+    assert [frame.stamp_ns for frame in bags.BagImages.from_bag(bag, '/right')] == [1]
 
 
 def test_no_image_topic(tmp_path):
@@ -92,8 +95,8 @@ def test_image_topic_without_messages(tmp_path):
 
 
 def damaged(bag, how):
-    """Damage the file with the messages."""
-    (file,) = (each for each in bag.iterdir() if each.suffix in ('.db3', '.mcap'))
+    """Damage the storage file of a bag; return the bag."""
+    (file,) = (path for path in bag.iterdir() if path.suffix in ('.db3', '.mcap'))
     data = file.read_bytes()
     if how == 'empty':
         file.write_bytes(b'')
@@ -111,7 +114,7 @@ def damaged(bag, how):
 @pytest.mark.parametrize('bare', [False, True], ids=['folder', 'bare file'])
 def test_damaged_bag_is_one_line(tmp_path, plugin, how, bare):
     bag = images_bag(tmp_path / 'bag', [n * S for n in range(1, 500)], plugin)
-    (file,) = (each for each in bag.iterdir() if each.suffix in ('.db3', '.mcap'))
+    (file,) = (path for path in bag.iterdir() if path.suffix in ('.db3', '.mcap'))
     damaged(bag, how)
     path = file if bare else bag
     with pytest.raises(PlaceRecognitionError, match=r'cannot be read|has no topic') as caught:
@@ -120,7 +123,7 @@ def test_damaged_bag_is_one_line(tmp_path, plugin, how, bare):
     assert '\n' not in str(caught.value)
 
 
-def test_pages_damaged_in_the_middle_are_one_line(tmp_path):
+def test_damaged_pages_in_the_middle_give_one_line(tmp_path):
     bag = images_bag(tmp_path / 'bag', [n * S for n in range(1, 500)])
     (file,) = bag.glob('*.db3')
     data = bytearray(file.read_bytes())
@@ -138,7 +141,7 @@ def test_missing_bag(tmp_path, name):
         bags.BagImages.from_bag(tmp_path / name)
 
 
-def test_no_bag_at_all(tmp_path):
+def test_a_text_file_is_not_a_bag(tmp_path):
     file = tmp_path / 'notes.txt'
     file.write_text('hello')
     with pytest.raises(PlaceRecognitionError, match='cannot be read'):
@@ -170,7 +173,7 @@ BAD_MESSAGES = [
 
 
 @pytest.mark.parametrize('bad, reason, lost', BAD_MESSAGES)
-def test_bad_message_names_itself_and_the_remedy(tmp_path, bad, reason, lost):
+def test_bad_message_error_has_number_and_remedy(tmp_path, bad, reason, lost):
     bag = write_bag(
         tmp_path / 'bag', [(CAMERA, image(START)), (CAMERA, bad), (CAMERA, image(START + S))]
     )
@@ -180,19 +183,19 @@ def test_bad_message_names_itself_and_the_remedy(tmp_path, bad, reason, lost):
 
 
 @pytest.mark.parametrize('bad, reason, lost', BAD_MESSAGES)
-def test_bad_message_is_skipped_and_counted_if_so_wished(tmp_path, caplog, bad, reason, lost):
+def test_skip_bad_skips_and_counts_bad_messages(tmp_path, caplog, bad, reason, lost):
     bag = write_bag(
         tmp_path / 'bag', [(CAMERA, image(START)), (CAMERA, bad), (CAMERA, image(START + S))]
     )
     frames = list(bags.BagImages.from_bag(bag, skip_bad=True))
-    # What only has a bad stamp is handed on: the recogniser passes over it, as in the node.
+    # An image with a bad stamp is yielded; the recognizer skips it, as in the node.
     assert len(frames) == 3 - lost
     warnings = [record.getMessage() for record in caplog.records]
     assert len(warnings) == 2 and 'message 2' in warnings[0]
     assert '1 of 3 messages were bad' in warnings[1]
 
 
-def test_many_bad_messages_are_not_named_one_by_one(tmp_path, caplog):
+def test_only_the_first_bad_messages_are_logged(tmp_path, caplog):
     messages = [(CAMERA, image(START + n, size=3)) for n in range(50)]
     assert not list(bags.BagImages.from_bag(write_bag(tmp_path / 'bag', messages), skip_bad=True))
     assert len(caplog.records) == 6
@@ -200,12 +203,12 @@ def test_many_bad_messages_are_not_named_one_by_one(tmp_path, caplog):
 
 
 def poses_bag(folder, kind):
-    """Write poses at x = 1, 2, 3 in the way of the message type, each one second later."""
+    """Write poses at x = 1, 2, 3 m, one second apart, in messages of a given type."""
     stamped = [pose_stamped(START + n * S, n + 1.0) for n in range(3)]
     messages = {
         'PoseStamped': stamped,
         'Odometry': [odometry(START + n * S, n + 1.0) for n in range(3)],
-        # Published twice as it grows; what was corrected since counts.
+        # Published twice; the second message corrects the first pose.
         'Path': [path_message(START, [pose_stamped(START, 9.0)]), path_message(START, stamped)],
     }[kind]
     return write_bag(folder, [('/truth', message) for message in messages])
@@ -235,7 +238,7 @@ def test_no_finite_pose(tmp_path):
         bags.read_poses(bag, '/odom')
 
 
-def test_bad_pose_message_names_itself(tmp_path):
+def test_bad_pose_message_error_has_the_number(tmp_path):
     with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         connection = writer.add_connection('/odom', odometry(1, 0.0).__msgtype__, typestore=STORE)
         writer.write(connection, 1, b'\x00\x01\x00\x00')
@@ -260,10 +263,25 @@ def test_the_pose_before_an_image(tmp_path):
 
 def test_the_first_calibration_is_the_camera(tmp_path):
     infos = [camera_info(START + number, 500.0 + number) for number in range(2)]
-    bag = write_bag(tmp_path / 'bag', [('/camera/camera_info', each) for each in infos])
+    bag = write_bag(tmp_path / 'bag', [('/camera/camera_info', info) for info in infos])
     found = bags.read_camera(bag, '/camera/camera_info', rectified=False)
     assert found.matrix[0, 0] == 500 / 640 and found.aspect == 0.75
     with pytest.raises(PlaceRecognitionError, match=r'message 1: .*not calibrated'):
         bags.read_camera(bag, '/camera/camera_info', rectified=True)
     with pytest.raises(PlaceRecognitionError, match='--camera-info-topic /camera/camera_info'):
         bags.read_camera(bag, '/other', rectified=False)
+
+
+def test_missing_rosbags_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'rosbags.highlevel', None)
+    with pytest.raises(PlaceRecognitionError, match=r'rosbags is not installed; `pip install ros'):
+        bags.BagImages.from_bag(tmp_path / 'drive.bag')
+
+
+def test_commands_import_neither_rosbags_nor_matplotlib():
+    code = (
+        'import sys, hdc_place_recognition.cli.evaluate, hdc_place_recognition.cli.experiments; '
+        "print([name for name in ('rosbags', 'matplotlib', 'tqdm') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert done.stdout == '[]\n', done.stderr

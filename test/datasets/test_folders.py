@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of images, and what becomes of each input that a user may name."""
+"""Image folders, and the dataset that each kind of input gives."""
 
 import cv2
 from hdc_place_recognition.datasets.dataset import Mode
@@ -16,7 +16,7 @@ POSES = 'index,stamp,x,y,z,qx,qy,qz,qw\n'
 
 
 def write_images(folder, count):
-    """Write grey images, the n-th of value n, in names that sort."""
+    """Write gray images with sortable names; all pixels of image n have the value n."""
     folder.mkdir(parents=True)
     for index in range(count):
         cv2.imwrite(str(folder / f'{index:04d}.png'), np.full((4, 6), index, np.uint8))
@@ -34,17 +34,19 @@ def test_images_in_sorted_order_one_second_apart(tmp_path):
     images = FolderImages.from_folder(tmp_path / 'images')
     assert len(images) == 4
     frames = list(images)
-    assert [stamp for stamp, _ in frames] == [0, S, 2 * S, 3 * S] == images.stamps_ns.tolist()
-    assert [int(frame.min()) for _, frame in frames] == [0, 200, 1, 2]
-    assert [frame.ndim for _, frame in frames] == [2, 3, 2, 2]
+    assert (
+        [frame.stamp_ns for frame in frames] == [0, S, 2 * S, 3 * S] == images.stamps_ns.tolist()
+    )
+    assert [int(frame.image.min()) for frame in frames] == [0, 200, 1, 2]
+    assert [frame.image.ndim for frame in frames] == [2, 3, 2, 2]
 
 
-def test_colour_is_bgr_and_16_bits_become_8(tmp_path):
-    colour = np.zeros((2, 2, 3), np.uint8)
-    colour[..., 0] = 255
-    cv2.imwrite(str(tmp_path / 'blue.png'), colour)
+def test_color_is_bgr_and_16_bits_become_8(tmp_path):
+    color = np.zeros((2, 2, 3), np.uint8)
+    color[..., 0] = 255
+    cv2.imwrite(str(tmp_path / 'blue.png'), color)
     cv2.imwrite(str(tmp_path / 'deep.png'), np.array([[0, 65535]], np.uint16))
-    np.testing.assert_array_equal(read_image(tmp_path / 'blue.png'), colour)
+    np.testing.assert_array_equal(read_image(tmp_path / 'blue.png'), color)
     assert read_image(tmp_path / 'deep.png').tolist() == [[0, 255]]
 
 
@@ -65,7 +67,7 @@ def test_image_that_does_not_decode_is_named(tmp_path, content):
 def test_no_images(tmp_path):
     (tmp_path / 'images').mkdir()
     with pytest.raises(PlaceRecognitionError, match=r'images holds no \.jpg'):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 def test_poses_by_index_of_the_image(tmp_path):
@@ -89,10 +91,10 @@ def test_bad_poses_name_the_line(tmp_path, text):
         read_poses(file)
 
 
-def test_sequence_replaces_exclusion_by_time_with_its_gap(tmp_path):
+def test_min_gap_sets_the_minimum_age_of_candidates(tmp_path):
     write_images(tmp_path / 'images', 3)
     write_gt(tmp_path, 3, 3, min_gap=2)
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert dataset.mode is Mode.SEQUENCE
     assert dataset.name == tmp_path.name
     assert dataset.overrides == {
@@ -108,34 +110,34 @@ def test_sequence_replaces_exclusion_by_time_with_its_gap(tmp_path):
 def test_retrieval(tmp_path):
     write_images(tmp_path / 'images', 3)
     write_gt(tmp_path, 3, 3, min_gap=-1)
-    assert open_dataset(tmp_path, None, Options()).mode is Mode.RETRIEVAL
+    assert open_dataset(tmp_path).mode is Mode.RETRIEVAL
 
 
 def test_two_traverses_in_one_folder(tmp_path):
     write_images(tmp_path / 'images' / 'ref', 3)
     write_images(tmp_path / 'images' / 'query', 2)
     write_gt(tmp_path, 2, 3, min_gap=-1)
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert dataset.mode is Mode.TRAVERSES
     assert (len(dataset.queries), len(dataset.reference)) == (2, 3)
     truth = dataset.ground_truth.truth(dataset.queries.stamps_ns, dataset.reference.stamps_ns)
     assert truth.hard.tolist() == [[True, False, False], [False, True, False]]
 
 
-def test_ground_truth_the_wrong_way_round(tmp_path):
+def test_transposed_ground_truth(tmp_path):
     write_images(tmp_path / 'images' / 'ref', 3)
     write_images(tmp_path / 'images' / 'query', 2)
     write_gt(tmp_path, 3, 2, min_gap=-1)
     with pytest.raises(
         PlaceRecognitionError, match=r'shape \(3, 2\), but the images are \(2, 3\)'
     ):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 def test_reference_without_queries(tmp_path):
     write_images(tmp_path / 'images' / 'ref', 3)
     with pytest.raises(PlaceRecognitionError, match=r'images holds no \.jpg'):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 def test_two_folders(tmp_path):
@@ -155,7 +157,7 @@ def test_two_folders(tmp_path):
 def test_poses_are_ground_truth_where_there_is_no_matrix(tmp_path):
     write_images(tmp_path / 'images', 2)
     (tmp_path / 'poses.csv').write_text(POSES + '0,0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,0,1\n')
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert isinstance(dataset.ground_truth, PoseTruth)
     assert dataset.ground_truth.view_axis == 'z'
     assert 'poses within 5 m and 45 deg' in dataset.ground_truth.summary
@@ -165,24 +167,24 @@ def test_poses_are_ground_truth_where_there_is_no_matrix(tmp_path):
         'exact': True,
     }
     write_gt(tmp_path, 2, 2, min_gap=0)
-    assert isinstance(open_dataset(tmp_path, None, Options()).ground_truth, MatrixTruth)
+    assert isinstance(open_dataset(tmp_path).ground_truth, MatrixTruth)
 
 
-def test_nothing_known(tmp_path):
+def test_without_ground_truth(tmp_path):
     write_images(tmp_path / 'images', 2)
-    dataset = open_dataset(tmp_path, None, Options())
+    dataset = open_dataset(tmp_path)
     assert dataset.mode is Mode.SEQUENCE
     assert dataset.ground_truth is None
 
 
 def test_missing_input(tmp_path):
     with pytest.raises(PlaceRecognitionError, match='nowhere does not exist'):
-        open_dataset(tmp_path / 'nowhere', None, Options())
+        open_dataset(tmp_path / 'nowhere')
 
 
 def test_neither_bag_nor_images(tmp_path):
     with pytest.raises(PlaceRecognitionError, match=r'neither a folder of images.*nor a bag'):
-        open_dataset(tmp_path, None, Options())
+        open_dataset(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -199,4 +201,4 @@ def test_a_development_set_opens(shared_data, name, mode):
     folder = shared_data / name
     if not folder.is_dir():
         pytest.skip(f'no {folder}')
-    assert open_dataset(folder, None, Options()).mode is mode
+    assert open_dataset(folder).mode is mode

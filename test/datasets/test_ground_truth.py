@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which images show the same place, from poses and from matrices."""
+"""Ground truth from poses and from matrices."""
 
 from hdc_place_recognition.datasets.dataset import Truth
 from hdc_place_recognition.datasets.ground_truth import load_matrices, MatrixTruth, PoseTruth
@@ -14,13 +14,13 @@ START = 1_776_863_762_100_071_637
 
 
 def yaw(degrees):
-    """Return the quaternion x y z w of a turn to the left."""
+    """Return the quaternion x y z w of a rotation to the left."""
     half = np.radians(degrees) / 2
     return [0.0, 0.0, np.sin(half), np.cos(half)]
 
 
 def poses_at(*places, start=0):
-    """Return poses (x, y, yaw in degrees), one second apart."""
+    """Return poses from (x, y, yaw in degrees), one second apart."""
     rows = [[x, y, 0.0, *yaw(turn)] for x, y, turn in places]
     return Poses.from_rows([start + n * S for n in range(len(rows))], rows, 'test')
 
@@ -38,15 +38,15 @@ def truth_of(poses, *, radius_m=1.0, max_angle_deg=30.0, stamps_ns=None, view_ax
     return ground_truth.truth(stamps_ns, stamps_ns)
 
 
-def test_distance_decides_up_to_twice_the_radius():
-    # From the first: 0, 1 (at the radius), 1.5, 2 (at twice the radius), 2.5 m away.
+def test_hard_and_soft_by_distance():
+    # Distances to the first pose: 0, 1 (the radius), 1.5, 2 (twice the radius), 2.5 m.
     poses = poses_at((0, 0, 0), (1, 0, 0), (0, 1.5, 0), (-2, 0, 0), (0, -2.5, 0))
     truth = truth_of(poses)
     assert truth.hard[0].tolist() == [True, True, False, False, False]
     assert truth.soft[0].tolist() == [True, True, True, True, False]
 
 
-def test_angle_decides_up_to_twice_the_angle():
+def test_hard_and_soft_by_angle():
     truth = truth_of(poses_at((0, 0, 0), (0, 0, 29), (0, 0, -31), (0, 0, 59), (0, 0, 61)))
     assert truth.hard[0].tolist() == [True, True, False, False, False]
     assert truth.soft[0].tolist() == [True, True, True, True, False]
@@ -57,7 +57,7 @@ def test_angle_across_the_turn_of_180_degrees():
     assert truth.hard[0].tolist() == [True, True, False]
 
 
-def test_truth_is_symmetric_and_soft_holds_hard():
+def test_truth_is_symmetric_and_hard_pairs_are_soft():
     rng = np.random.default_rng(0)
     truth = truth_of(poses_at(*(rng.random((30, 3)) * [5, 5, 360])))
     assert (truth.hard == truth.hard.T).all() and (truth.soft == truth.soft.T).all()
@@ -66,7 +66,7 @@ def test_truth_is_symmetric_and_soft_holds_hard():
 
 
 def test_optical_frame_looks_along_z():
-    # A quarter turn about x turns the optical axis away, but not the body's x.
+    # A rotation of 90 degrees about x changes the z axis, but not the x axis.
     quarter = [np.sin(np.pi / 4), 0, 0, np.cos(np.pi / 4)]
     rows = [[0, 0, 0, 0, 0, 0, 1.0], [0, 0, 0, *quarter]]
     poses = Poses.from_rows([0, S], rows, 'test')
@@ -76,7 +76,7 @@ def test_optical_frame_looks_along_z():
     np.testing.assert_allclose(poses_at((0, 0, 90)).view_directions('x'), [[0, 1, 0]], atol=1e-12)
 
 
-def test_length_of_quaternions_is_of_no_account():
+def test_quaternions_need_not_have_unit_length():
     rows = [[0, 0, 0, *yaw(40)], [0, 0, 0, *(7 * np.array(yaw(40)))]]
     directions = Poses.from_rows([0, S], rows, 'test').view_directions('x')
     np.testing.assert_allclose(directions[0], directions[1])
@@ -89,7 +89,7 @@ def test_orientation_of_zeros():
     assert truth_of(poses, max_angle_deg=180).hard.all()
 
 
-def test_image_without_pose_is_neither_right_nor_wrong():
+def test_pairs_of_an_image_without_pose_are_ignored():
     poses = poses_at((0, 0, 0), (0, 0, 0), (9, 0, 0))
     truth = truth_of(poses, stamps_ns=[0, S // 2, S, 2 * S])
     assert truth.hard[0].tolist() == [True, False, True, False]
@@ -114,7 +114,7 @@ def test_nearest_pose_within_the_tolerance(caplog):
     caplog.set_level('INFO')
     poses = poses_at((0, 0, 0), (1, 0, 0), (2, 0, 0), start=START)
     stamps = START + np.array([-60_000_000, 40_000_000, 960_000_000, 1_500_000_000, 2 * S])
-    # 60 ms before the first; 40 ms after it; 40 ms before the second; in the middle; exactly.
+    # 60 ms before pose 0; 40 ms after pose 0; 40 ms before pose 1; between poses; at pose 2.
     assert match_poses(poses, stamps, 50_000_000).tolist() == [-1, 0, 1, -1, 2]
     assert caplog.messages == ['poses for 3 of 5 images (max. gap 0.04 s)']
 
@@ -135,12 +135,12 @@ def test_too_few_poses():
     assert match_poses(poses_at((0, 0, 0)), np.array([0, 5 * S]), 0).tolist() == [0, -1]
 
 
-def test_poses_are_put_in_order_and_the_last_of_a_stamp_counts(caplog):
+def test_poses_are_sorted_and_the_last_pose_of_a_stamp_is_used(caplog):
     rows = [[x, 0, 0, 0, 0, 0, 1] for x in (3, 1, np.nan, 2, 4)]
     poses = Poses.from_rows([30, 10, 20, 20, 30], rows, 'bag x, topic /odom')
     assert poses.stamps_ns.tolist() == [10, 20, 30]
     assert poses.positions[:, 0].tolist() == [1, 2, 4]
-    assert caplog.messages == ['bag x, topic /odom: 1 of 5 poses are not finite and left out']
+    assert caplog.messages == ['bag x, topic /odom: dropped 1 of 5 poses that are not finite']
 
 
 def test_no_poses_at_all():
@@ -165,15 +165,15 @@ def test_matrices_are_read(tmp_path):
 
 
 def test_part_of_a_matrix():
-    whole = Truth(np.arange(12).reshape(3, 4) == 6, np.arange(12).reshape(3, 4) > 5)
-    given = MatrixTruth(whole, np.arange(3) * S, np.arange(4) * S)
+    matrices = Truth(np.arange(12).reshape(3, 4) == 6, np.arange(12).reshape(3, 4) > 5)
+    given = MatrixTruth(matrices, np.arange(3) * S, np.arange(4) * S)
     part = given.truth(np.array([S, 2 * S]), np.array([0, 2 * S, 3 * S]))
     assert part.hard.tolist() == [[False, True, False], [False, False, False]]
     assert part.soft.tolist() == [[False, True, True], [True, True, True]]
 
 
 @pytest.mark.parametrize('name', ['hard', 'soft'])
-def test_wrong_shape_names_both(tmp_path, name):
+def test_wrong_shape_error_names_both_shapes(tmp_path, name):
     file = write_gt(tmp_path / 'gt.npz', **{f'{name}_shape': (2, 3)})
     with pytest.raises(
         PlaceRecognitionError, match=rf'gt\.npz: {name} has shape \(2, 3\).*\(3, 2\).*row'

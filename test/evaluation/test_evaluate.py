@@ -1,18 +1,19 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The recogniser run on small data sets: what is compared with what, and what is counted."""
+"""Evaluation of small datasets: which pairs are compared, and which are counted."""
 
 from dataclasses import dataclass
 
 from conftest import CellExtractor, texture
+import cv2
 from hdc_place_recognition.datasets.dataset import Dataset, Mode, Truth
 from hdc_place_recognition.datasets.ground_truth import MatrixTruth
 from hdc_place_recognition.errors import PlaceRecognitionError
-from hdc_place_recognition.evaluation.evaluate import evaluate, STAGES
-from hdc_place_recognition.evaluation.metrics import Verdict
+from hdc_place_recognition.evaluation.evaluate import evaluate, evaluate_input, STAGES
+from hdc_place_recognition.evaluation.metrics import Label
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import assemble
-from hdc_place_recognition.results import Frame as RecognizerFrame
+from hdc_place_recognition.results import Frame
 import numpy as np
 import pytest
 
@@ -30,7 +31,7 @@ BASE = Params(
 
 @dataclass(frozen=True)
 class Places:
-    """Images of numbered places, one a second or at the stamps given; BLANK shows nothing."""
+    """Images of numbered places at 1 Hz or at given stamps; BLANK is an image without features."""
 
     places: tuple[int, ...]
     stamps_ns: tuple[int, ...] = ()
@@ -41,11 +42,12 @@ class Places:
     def __iter__(self):
         stamps = self.stamps_ns or range(0, len(self) * S, S)
         for stamp_ns, place in zip(stamps, self.places, strict=True):
-            yield stamp_ns, np.zeros((48, 64), np.uint8) if place == BLANK else texture(place)
+            image = np.zeros((48, 64), np.uint8) if place == BLANK else texture(place)
+            yield Frame(stamp_ns, image)
 
 
 def same_place(queries, database, stamps=lambda count: np.arange(count) * S):
-    """Return ground truth by the numbers of the places; blanks are there too."""
+    """Return ground truth from place numbers; BLANK counts as a place."""
     hard = np.equal.outer(np.array(queries), np.array(database))
     return MatrixTruth(Truth(hard, hard), stamps(len(queries)), stamps(len(database)))
 
@@ -62,7 +64,7 @@ def recognizer(**changes):
 
 def test_sequence_finds_its_loop():
     result = evaluate(sequence((0, 1, 2, 3, 4, 0, 1)), recognizer())
-    ranking, closures = result.judgement.ranking, result.judgement.closures
+    ranking, closures = result.scores.ranking, result.scores.closures
     assert ranking.average_precision == ranking.recall_at_1 == 1.0
     assert ranking.recall_at_full_precision == ranking.area_best_match == 1.0
     assert (closures.true, closures.false, closures.ignored) == (2, 0, 0)
@@ -71,48 +73,48 @@ def test_sequence_finds_its_loop():
 
 def test_sequence_compares_only_with_images_old_enough():
     result = evaluate(sequence((0, 0, 0, 0, 0)), recognizer())
-    # Image i with j if at least 3 s lie between them, whatever they show.
+    # Image i is compared with j if j is at least 3 s older.
     expected = np.array([[i - j >= 3 for j in range(5)] for i in range(5)])
-    np.testing.assert_array_equal(result.recording.eligible, expected)
-    assert result.judgement.closures.queries_with_match == 2
-    # A pair's similarity stands where it belongs, everything else is left out.
-    assert (result.judgement.pairs.similarities[expected] > -1).all()
+    np.testing.assert_array_equal(result.run_log.eligible, expected)
+    assert result.scores.closures.queries_with_match == 2
+    # Every eligible pair has a similarity.
+    assert (result.scores.pairs.similarities[expected] > -1).all()
 
 
 def test_sequence_is_causal():
     places = (0, 1, 2, 3, 4, 0, 1, 2)
-    longer = evaluate(sequence((*places, 7, 8)), recognizer()).recording
-    shorter = evaluate(sequence(places), recognizer()).recording
+    longer = evaluate(sequence((*places, 7, 8)), recognizer()).run_log
+    shorter = evaluate(sequence(places), recognizer()).run_log
     n = len(places)
     np.testing.assert_array_equal(longer.similarity_matrix()[:n, :n], shorter.similarity_matrix())
     assert longer.detections[:n] == shorter.detections
 
 
-def test_evaluation_is_the_recogniser_itself():
+def test_evaluation_equals_online_processing():
     places = (0, 1, 2, 3, 4, 0, 1)
     online = recognizer()
-    said = [online.process(RecognizerFrame(stamp, image)) for stamp, image in Places(places)]
-    recording = evaluate(sequence(places), recognizer()).recording
-    assert list(recording.detections) == said
-    for offline, node in zip(recording.detections, said, strict=True):
+    detections = [online.process(frame) for frame in Places(places)]
+    run_log = evaluate(sequence(places), recognizer()).run_log
+    assert list(run_log.detections) == detections
+    for offline, node in zip(run_log.detections, detections, strict=True):
         np.testing.assert_array_equal(offline.similarities, node.similarities)
 
 
-def test_image_without_features_is_never_found_and_finds_nothing():
+def test_an_image_without_features_counts_for_recall():
     result = evaluate(sequence((0, BLANK, 2, 3, 4, BLANK, 2)), recognizer())
-    matrix, recording = result.recording.similarity_matrix(), result.recording
-    assert recording.rows.tolist() == [0, -1, 1, 2, 3, -1, 4]
-    # Row 5 asks nothing and column 1 holds nothing, and yet both count: they were to be found.
+    matrix, run_log = result.run_log.similarity_matrix(), result.run_log
+    assert run_log.keyframe_ids.tolist() == [0, -1, 1, 2, 3, -1, 4]
+    # Image 1 cannot be found and image 5 cannot find it, but the pair counts for recall.
     assert (matrix[5] == -1).all() and (matrix[:, 1] == -1).all()
-    assert recording.eligible[5].tolist() == [True, True, True, False, False, False, False]
-    assert recording.eligible[6, 1]
-    assert result.judgement.closures.queries_with_match == 2
-    assert result.judgement.ranking.recall_at_1 == pytest.approx(1 / 2)
-    # The later images are still in their columns: 2 is found in the third.
-    assert recording.cells(accepted_only=True) == [(6, 2)]
+    assert run_log.eligible[5].tolist() == [True, True, True, False, False, False, False]
+    assert run_log.eligible[6, 1]
+    assert result.scores.closures.queries_with_match == 2
+    assert result.scores.ranking.recall_at_1 == pytest.approx(1 / 2)
+    # Images after the blank one keep their columns: query 6 finds image 2.
+    assert run_log.cells(accepted_only=True) == [(6, 2)]
 
 
-def test_images_passed_over_are_no_rows():
+def test_skipped_images_have_no_row():
     stamps = tuple(n * S // 2 for n in range(14))
     places = tuple(n // 2 if n < 10 else n // 2 - 5 for n in range(14))
     dataset = Dataset(
@@ -123,16 +125,16 @@ def test_images_passed_over_are_no_rows():
         same_place(places, places, lambda count: np.arange(count) * S // 2),
     )
     result = evaluate(dataset, recognizer(min_interval_s=1.0))
-    assert result.recording.query_stamps_ns.tolist() == [n * S for n in range(7)]
+    assert result.run_log.query_stamps_ns.tolist() == [n * S for n in range(7)]
     assert (result.cost.images, result.cost.images_passed_over) == (7, 7)
-    assert result.judgement.ranking.average_precision == 1.0
-    assert result.judgement.closures.true == 2
+    assert result.scores.ranking.average_precision == 1.0
+    assert result.scores.closures.true == 2
 
 
-def test_stamps_that_repeat_or_go_back_are_passed_over():
+def test_images_with_repeated_or_older_stamps_are_skipped():
     dataset = Dataset('bad', Mode.SEQUENCE, Places((0, 1, 2, 3), (0, S, S, S - 1)))
     result = evaluate(dataset, recognizer())
-    assert result.recording.query_stamps_ns.tolist() == [0, S]
+    assert result.run_log.query_stamps_ns.tolist() == [0, S]
     assert result.cost.images_passed_over == 2
 
 
@@ -141,48 +143,48 @@ def traverses(queries, reference):
     return Dataset('two', Mode.TRAVERSES, Places(queries), Places(reference), truth)
 
 
-def test_queries_are_asked_and_not_learned():
-    one = recognizer(exclude_recent_s=1000.0)
-    result = evaluate(traverses((2, 0, 7), (0, 1, 2, 3)), one)
-    assert len(one.database) == 4
-    assert result.recording.eligible.shape == (3, 4) and result.recording.eligible.all()
-    assert [said.keyframe_id for said in result.recording.detections] == [None] * 3
-    assert result.recording.cells(accepted_only=True) == [(0, 2), (1, 0)]
-    closures = result.judgement.closures
+def test_queries_are_not_stored():
+    recognizer_ = recognizer(exclude_recent_s=1000.0)
+    result = evaluate(traverses((2, 0, 7), (0, 1, 2, 3)), recognizer_)
+    assert len(recognizer_.database) == 4
+    assert result.run_log.eligible.shape == (3, 4) and result.run_log.eligible.all()
+    assert [detection.keyframe_id for detection in result.run_log.detections] == [None] * 3
+    assert result.run_log.cells(accepted_only=True) == [(0, 2), (1, 0)]
+    closures = result.scores.closures
     assert (closures.true, closures.queries_with_match, closures.recall) == (2, 2, 1.0)
     assert result.cost.images == 7
 
 
 def test_queries_do_not_depend_on_each_other():
-    # The running mean would be another one.
+    # Without the running mean, which depends on the order of the images.
     plain = {'center_database': False}
     forward = evaluate(traverses((0, 1, 2), (0, 1, 2, 3)), recognizer(**plain))
     backward = evaluate(traverses((2, 1, 0), (0, 1, 2, 3)), recognizer(**plain))
     np.testing.assert_array_equal(
-        forward.recording.similarity_matrix(), backward.recording.similarity_matrix()[::-1]
+        forward.run_log.similarity_matrix(), backward.run_log.similarity_matrix()[::-1]
     )
 
 
-def test_sequence_of_queries_does_not_continue_the_reference():
+def test_sequences_of_queries_do_not_include_reference_images():
     changes = {'sequence_length': 3, 'center_database': False}
     result = evaluate(traverses((5,), (0, 1, 2, 3)), recognizer(**changes))
-    # The first query is a sequence of one image, and so is the first image of a new recogniser.
-    alone = recognizer(**changes).observe(RecognizerFrame(0, texture(5)))
-    taught = recognizer(**changes)
+    # The first query is a sequence of one image, like the first image of a new recognizer.
+    alone = recognizer(**changes).observe(Frame(0, texture(5)))
+    reference = recognizer(**changes)
     for place in range(4):
-        taught.store(taught.observe(RecognizerFrame(place * S, texture(place))))
+        reference.store(reference.observe(Frame(place * S, texture(place))))
     np.testing.assert_array_equal(
-        result.recording.detections[0].similarities, taught.recognize(alone).similarities
+        result.run_log.detections[0].similarities, reference.recognize(alone).similarities
     )
 
 
-def test_traverses_select_images_by_stamp_each_for_itself():
+def test_both_traverses_skip_images_that_come_too_soon():
     stamps = (0, S // 2, S)
     images = Places((0, 1, 2), stamps)
     dataset = Dataset('two', Mode.TRAVERSES, images, images)
     result = evaluate(dataset, recognizer(min_interval_s=1.0))
-    assert result.recording.query_stamps_ns.tolist() == [0, S]
-    assert result.recording.database_stamps_ns.tolist() == [0, S]
+    assert result.run_log.query_stamps_ns.tolist() == [0, S]
+    assert result.run_log.database_stamps_ns.tolist() == [0, S]
     assert result.cost.images_passed_over == 2
 
 
@@ -190,29 +192,29 @@ def test_retrieval_compares_with_all_others():
     places = (0, 1, 0, BLANK, 1)
     dataset = Dataset('all', Mode.RETRIEVAL, Places(places), None, same_place(places, places))
     result = evaluate(dataset, recognizer(exclude_recent_s=1000.0))
-    np.testing.assert_array_equal(result.recording.eligible, ~np.eye(5, dtype=bool))
-    # Both of each pair find the other one, and nobody finds himself.
-    assert result.recording.cells(accepted_only=True) == [(0, 2), (1, 4), (2, 0), (4, 1)]
-    assert all(said.candidates for said in result.recording.detections[:3])
-    assert result.judgement.ranking.average_precision == 1.0
-    assert result.judgement.closures.queries_with_match == 4
+    np.testing.assert_array_equal(result.run_log.eligible, ~np.eye(5, dtype=bool))
+    # Images of the same place find each other, and no image finds itself.
+    assert result.run_log.cells(accepted_only=True) == [(0, 2), (1, 4), (2, 0), (4, 1)]
+    assert all(detection.candidates for detection in result.run_log.detections[:3])
+    assert result.scores.ranking.average_precision == 1.0
+    assert result.scores.closures.queries_with_match == 4
 
 
-def test_soft_pairs_are_ignored_in_verdicts():
+def test_candidates_of_soft_pairs_are_labeled_ignored():
     places = (0, 1, 2, 3, 4, 0, 1, 2)
     hard = np.equal.outer(np.array(places), np.array(places))
     soft = hard.copy()
-    hard[6] = False  # 1 again: only soft
-    hard[7] = soft[7] = False  # 2 again: the truth denies it
+    hard[6] = False  # place 1 again, soft only
+    hard[7] = soft[7] = False  # place 2 again, a different place by ground truth
     truth = MatrixTruth(Truth(hard, soft), *[np.arange(8) * S] * 2)
     result = evaluate(Dataset('soft', Mode.SEQUENCE, Places(places), None, truth), recognizer())
     accepted = [
-        verdict
-        for candidate, verdict in zip(result.candidates, result.verdicts, strict=True)
+        label
+        for candidate, label in zip(result.candidates, result.labels, strict=True)
         if candidate.accepted
     ]
-    assert accepted == [Verdict.TRUE, Verdict.IGNORED, Verdict.FALSE]
-    closures = result.judgement.closures
+    assert accepted == [Label.TRUE, Label.IGNORED, Label.FALSE]
+    closures = result.scores.closures
     assert (closures.true, closures.ignored, closures.false) == (1, 1, 1)
     assert (closures.precision, closures.recall, closures.queries_with_match) == (0.5, 1.0, 1)
 
@@ -220,15 +222,15 @@ def test_soft_pairs_are_ignored_in_verdicts():
 def test_without_ground_truth():
     places = (0, 1, 2, 3, 4, 0)
     result = evaluate(Dataset('unknown', Mode.SEQUENCE, Places(places)), recognizer())
-    assert result.judgement is None
+    assert result.scores is None
     assert [candidate.match_id for candidate in result.candidates if candidate.accepted] == [0]
-    assert list(result.verdicts) == [None] * len(result.candidates)
+    assert list(result.labels) == [None] * len(result.candidates)
 
 
 def test_cost():
     result = evaluate(sequence((0, BLANK, 2, 3)), recognizer()).cost
     assert result.images == 4
-    assert result.features_per_image == 12.0  # 16 of three, none of the blank one
+    assert result.features_per_image == 12.0  # 16 for three images, 0 for the blank image
     assert list(result.ms_per_image) == [*STAGES, 'total']
     assert all(result.ms_per_image[stage] > 0 for stage in ('read', 'extract', 'encode', 'query'))
     assert result.ms_per_image['keypoints'] == result.ms_per_image['verify'] == 0.0
@@ -244,12 +246,12 @@ def test_insertion_is_timed_in_every_mode(mode):
     assert all(result.ms_per_image[stage] > 0 for stage in set(STAGES) - {'keypoints', 'verify'})
 
 
-def test_progress_goes_through_all_images():
+def test_progress_wraps_all_images():
     seen = []
 
     def watch(frames, label):
         for frame in frames:
-            seen.append((label, frame[0]))
+            seen.append((label, frame.stamp_ns))
             yield frame
 
     evaluate(traverses((0,), (0, 1)), recognizer(), watch)
@@ -262,14 +264,56 @@ def test_nothing_to_evaluate():
 
 
 @pytest.mark.parametrize(('name', 'limit'), [('max_keyframes', 5), ('max_database_mb', 5.0)])
-def test_database_must_not_forget(name, limit):
-    forgetful = recognizer(**{name: limit})
-    with pytest.raises(PlaceRecognitionError, match=f'{name} 5: an evaluation needs all'):
-        evaluate(sequence((0, 1)), forgetful)
+def test_database_must_not_have_a_limit(name, limit):
+    limited = recognizer(**{name: limit})
+    with pytest.raises(PlaceRecognitionError, match=f'{name} 5: an evaluation needs all images'):
+        evaluate(sequence((0, 1)), limited)
 
 
 def test_database_must_be_empty():
     used = recognizer()
-    used.process(RecognizerFrame(0, texture(1)))
+    used.process(Frame(0, texture(1)))
     with pytest.raises(PlaceRecognitionError, match='already holds 1 images'):
         evaluate(sequence((0, 1)), used)
+
+
+def write_folder(folder, places):
+    """Write a folder of images of numbered places, without ground truth."""
+    (folder / 'images').mkdir(parents=True)
+    for number, frame in enumerate(Places(places)):
+        cv2.imwrite(str(folder / 'images' / f'{number:02d}.png'), frame.image)
+    return folder
+
+
+SETTINGS = {'extractor': 'gradient_grid', 'dimensions': 512, 'verify': False}
+
+
+def test_input_is_evaluated_by_path_options_and_parameters(tmp_path):
+    folder = write_folder(tmp_path / 'loop', (0, 1, 2, 3, 4, 0))
+    result = evaluate_input(str(folder), exclude_recent_s=3, **SETTINGS)
+    # The dataset overrides the minimum interval: every image of a folder is processed.
+    assert (result.params.exclude_recent_s, result.params.min_interval_s) == (3.0, 0.0)
+    assert result.metrics['name'] == 'loop' and result.metrics['images'] == 6
+    assert result.metrics['precision'] is None
+    assert result.candidates[-1].query_stamp_ns == 5 * S
+
+
+def test_input_is_compared_with_a_database(tmp_path):
+    drive = write_folder(tmp_path / 'drive', (1, 2))
+    database = write_folder(tmp_path / 'map', (0, 1, 2))
+    result = evaluate_input(drive, database=database, **SETTINGS)
+    best = [detection.candidates[0].match_id for detection in result.run_log.detections]
+    assert best == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        ({'radius_m': 0.0}, '--radius 0: must be above 0'),
+        ({'dimension': 64}, 'unknown parameter dimension'),
+        ({}, 'nowhere does not exist'),
+    ],
+)
+def test_invalid_input_options_and_parameters_are_errors(arguments, message):
+    with pytest.raises(PlaceRecognitionError, match=message):
+        evaluate_input('nowhere', **arguments)

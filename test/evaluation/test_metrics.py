@@ -1,25 +1,25 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Metrics against matrices small enough to be worked out by hand."""
+"""Metrics against values computed by hand, by definition, and by scikit-learn."""
 
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation import metrics
-from hdc_place_recognition.evaluation.metrics import count_closures, judge, Pairs, Verdict
+from hdc_place_recognition.evaluation.metrics import count_closures, Label, label_matches, Pairs
 import numpy as np
 import pytest
 
-# Six queries, three database images. H hard, s soft only, - not eligible, . different place.
+# Six queries (rows), three database images. H: hard, s: soft only, -: not eligible, .: different.
 #
 #        d0     d1     d2
 TABLE = (
-    ('0.9 H', '0.2 .', '0.1 .'),  # best match right
+    ('0.9 H', '0.2 .', '0.1 .'),  # best match correct
     ('0.8 .', '0.7 H', '0.1 .'),  # best match wrong, hard match second
     ('0.6 H', '0.5 H', '0.4 .'),  # two hard matches
-    ('0.3 .', '0.2 .', '0.1 .'),  # nothing to be found
-    ('0.9 s', '0.3 .', '0.2 H'),  # best match soft only: does not count
+    ('0.3 .', '0.2 .', '0.1 .'),  # no match
+    ('0.9 s', '0.3 .', '0.2 H'),  # best match soft only, ignored
     ('0.9 -', '0.1 .', '0.1 -'),  # one pair compared
 )
-# Counted pairs, by falling similarity (H = hard):
+# Pairs that are not ignored, by decreasing similarity:
 #   0.9 H | 0.8 . | 0.7 H | 0.6 H | 0.5 H | 0.4 . | 0.3 . . | 0.2 H . . | 0.1 . . . .
 # retrieved 1     2       3       4       5       6       8         11          15
 # true      1     1       2       3       4       4       4          5           5
@@ -28,8 +28,8 @@ ALL_PAIRS = {
     'precision': [1, 1 / 2, 2 / 3, 3 / 4, 4 / 5, 4 / 6, 4 / 8, 5 / 11, 5 / 15],
     'recall': [0.2, 0.2, 0.4, 0.6, 0.8, 0.8, 0.8, 1.0, 1.0],
 }
-# Best match per query, by falling similarity: q0 0.9 right | q1 0.8 wrong | q2 0.6 right |
-# q3 0.3 and q4 0.3 wrong | q5 0.1 wrong. Queries with a match: q0 q1 q2 q4.
+# Best match per query, by decreasing similarity: q0 0.9 correct, q1 0.8 wrong, q2 0.6 correct,
+# q3 0.3 and q4 0.3 wrong, q5 0.1 wrong. Queries with a match: q0 q1 q2 q4.
 BEST_MATCH = {
     'thresholds': [0.9, 0.8, 0.6, 0.3, 0.1],
     'precision': [1, 1 / 2, 2 / 3, 2 / 5, 2 / 6],
@@ -38,7 +38,7 @@ BEST_MATCH = {
 
 
 def pairs_of(table):
-    """Return the pairs that a table shows."""
+    """Return the pairs of a table."""
     cells = np.array([[cell.split() for cell in row] for row in table])
     kind = cells[..., 1]
     return Pairs(
@@ -66,7 +66,7 @@ def test_curve_by_hand(curve, expected):
 
 
 def test_areas_by_hand():
-    # Steps of recall 0.2, at the precisions where recall rises.
+    # Steps of recall 0.2, with the precision where recall increases.
     assert metrics.average_precision(PAIRS) == pytest.approx(
         0.2 * (1 + 2 / 3 + 3 / 4 + 4 / 5 + 5 / 11)
     )
@@ -75,19 +75,19 @@ def test_areas_by_hand():
     assert metrics.recall_at_full_precision(PAIRS) == pytest.approx(1 / 4)
 
 
-def test_points_where_recall_rises_keep_the_area():
+def test_steps_have_the_same_area():
     curve = metrics.precision_recall(PAIRS)
     np.testing.assert_allclose(curve.steps().recall, [0.2, 0.4, 0.6, 0.8, 1.0])
     assert curve.steps().area == pytest.approx(curve.area)
 
 
 def test_recall_at_k_by_hand():
-    # Rank of the best hard match: q0 1, q1 2, q2 1, q4 2 (soft only removed); q3, q5 dropped.
+    # Rank of the best hard match: q0 1, q1 2, q2 1, q4 2 (soft only not ranked); q3, q5 have none.
     assert metrics.recall_at_k(PAIRS, 1) == pytest.approx(2 / 4)
     assert metrics.recall_at_k(PAIRS, 2) == 1.0
 
 
-def test_ties_are_one_step_and_wrong_wins_a_tie():
+def test_ties_are_one_step_and_rank_wrong_images_first():
     tied = pairs_of([('0.5 H', '0.5 .', '0.1 .')])
     curve = metrics.precision_recall(tied)
     np.testing.assert_allclose(curve.precision, [1 / 2, 1 / 3])
@@ -99,13 +99,13 @@ def test_ties_are_one_step_and_wrong_wins_a_tie():
     assert metrics.recall_at_full_precision(tied) == 0.0
 
 
-def test_order_of_queries_and_images_is_of_no_account():
+def test_metrics_do_not_depend_on_the_order():
     rng = np.random.default_rng(1)
     coarse = rng.integers(0, 4, (12, 9)).astype(np.float32)  # many ties
     hard, soft, eligible = rng.random((3, 12, 9)) < [[[0.2]], [[0.4]], [[0.8]]]
     rows, columns = rng.permutation(12)[:, None], rng.permutation(9)
     pairs = Pairs(coarse, hard, soft, eligible)
-    shuffled = Pairs(*(each[rows, columns] for each in (coarse, hard, soft, eligible)))
+    shuffled = Pairs(*(matrix[rows, columns] for matrix in (coarse, hard, soft, eligible)))
     for metric in (
         metrics.average_precision,
         metrics.average_precision_100,
@@ -116,7 +116,7 @@ def test_order_of_queries_and_images_is_of_no_account():
         assert metric(pairs) == pytest.approx(metric(shuffled))
 
 
-def test_average_precision_is_that_of_the_definition_on_random_scores():
+def test_average_precision_follows_its_definition():
     rng = np.random.default_rng(2)
     scores = rng.integers(0, 30, (20, 20)).astype(np.float32)
     hard = rng.random((20, 20)) < 0.1
@@ -129,6 +129,32 @@ def test_average_precision_is_that_of_the_definition_on_random_scores():
         last_recall = true / hard.sum()
     pairs = Pairs(scores, hard, hard, everything)
     assert metrics.average_precision(pairs) == pytest.approx(area)
+
+
+@pytest.mark.parametrize('levels', [10, 2**24], ids=['many ties', 'few ties'])
+def test_average_precision_equals_that_of_scikit_learn(levels):
+    oracle = pytest.importorskip('sklearn.metrics').average_precision_score
+    rng = np.random.default_rng(4)
+    similarities = rng.integers(0, levels, (30, 40)).astype(np.float32) / levels
+    hard, soft, eligible = rng.random((3, 30, 40)) < [[[0.1]], [[0.2]], [[0.7]]]
+    kept = eligible & (hard | ~soft)
+    expected = oracle(hard[kept], similarities[kept])
+    pairs = Pairs(similarities, hard, soft, eligible)
+    assert metrics.average_precision(pairs) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize('levels', [10, 2**24], ids=['many ties', 'few ties'])
+def test_curve_equals_that_of_scikit_learn(levels):
+    oracle = pytest.importorskip('sklearn.metrics').precision_recall_curve
+    rng = np.random.default_rng(5)
+    similarities = rng.integers(0, levels, (20, 20)).astype(np.float32) / levels
+    hard = rng.random((20, 20)) < 0.2
+    precision, recall, thresholds = oracle(hard.ravel(), similarities.ravel())
+    curve = metrics.precision_recall(Pairs(similarities, hard, hard, np.ones_like(hard)))
+    # scikit-learn sorts thresholds in increasing order and adds the point (0, 1) at the end.
+    np.testing.assert_allclose(curve.thresholds, thresholds[::-1])
+    np.testing.assert_allclose(curve.precision, precision[-2::-1])
+    np.testing.assert_allclose(curve.recall, recall[-2::-1])
 
 
 def test_average_precision_100_is_the_trapezoid_over_100_thresholds():
@@ -167,7 +193,7 @@ ALL_METRICS = (
     ],
     ids=['no positives', 'none eligible', 'empty'],
 )
-def test_nothing_to_be_found_is_none(metric, table):
+def test_metrics_without_matches_are_none(metric, table):
     if len(table):
         pairs = pairs_of(table)
     else:
@@ -176,7 +202,7 @@ def test_nothing_to_be_found_is_none(metric, table):
     assert metric(pairs) is None
 
 
-def test_a_hard_pair_that_was_not_compared_is_not_to_be_found():
+def test_a_hard_pair_that_is_not_eligible_does_not_count():
     assert metrics.average_precision(pairs_of([('0.9 .', '0.5 H')])) == pytest.approx(1 / 2)
     skipped = pairs_of([('0.9 .', '0.5 H')])
     skipped = Pairs(skipped.similarities, skipped.hard, skipped.soft, ~skipped.hard)
@@ -184,7 +210,7 @@ def test_a_hard_pair_that_was_not_compared_is_not_to_be_found():
 
 
 @pytest.mark.parametrize('metric', ALL_METRICS)
-def test_all_positives_are_found(metric):
+def test_only_matches_give_1(metric):
     assert metric(pairs_of([('0.5 H', '0.1 H'), ('0.4 H', '0.4 H')])) == 1.0
 
 
@@ -202,7 +228,7 @@ def test_shapes_must_fit():
         Pairs(square.astype(np.float32), square, np.ones((2, 3), np.bool_), square)
 
 
-def test_nan_is_refused_where_it_counts():
+def test_nan_of_an_eligible_pair_is_an_error():
     similarities = np.array([[np.nan, 0.5]], np.float32)
     known = np.array([[False, True]])
     assert metrics.average_precision(Pairs(similarities, known, known, known)) == 1.0
@@ -211,34 +237,34 @@ def test_nan_is_refused_where_it_counts():
 
 
 def test_closures_by_hand():
-    # Accepted: q0 true; q1 false and true; q2 true twice; q3 false; q4 soft only.
+    # q0 true; q1 false and true; q2 true twice; q3 false; q4 soft only.
     accepted = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 2), (4, 0)]
     closures = count_closures(accepted, PAIRS.hard, PAIRS.soft, PAIRS.has_match)
     assert (closures.true, closures.false, closures.ignored) == (4, 2, 1)
     assert closures.precision == pytest.approx(4 / 6)
-    # Of q0, q1, q2, q4, all but q4 have a true closure.
+    # q0, q1, q2 and q4 have a match; q4 has no true closure.
     assert closures.queries_with_match == 4
     assert closures.recall == pytest.approx(3 / 4)
 
 
-def test_verdicts():
-    verdicts = judge([(0, 0), (4, 0), (4, 1)], PAIRS.hard, PAIRS.soft)
-    assert verdicts == [Verdict.TRUE, Verdict.IGNORED, Verdict.FALSE]
+def test_labels():
+    labels = label_matches([(0, 0), (4, 0), (4, 1)], PAIRS.hard, PAIRS.soft)
+    assert labels == [Label.TRUE, Label.IGNORED, Label.FALSE]
 
 
-def test_no_closures_accepted_have_no_precision():
+def test_precision_is_none_without_accepted_closures():
     closures = count_closures([], PAIRS.hard, PAIRS.soft, PAIRS.has_match)
     assert closures.precision is None
     assert closures.recall == 0.0
 
 
-def test_only_ignored_closures_have_no_precision():
+def test_precision_is_none_if_all_closures_are_ignored():
     closures = count_closures([(4, 0)], PAIRS.hard, PAIRS.soft, PAIRS.has_match)
     assert closures.precision is None
     assert closures.ignored == 1
 
 
-def test_closures_where_nothing_matches_have_no_recall():
+def test_recall_is_none_without_matches():
     nowhere = np.zeros_like(PAIRS.hard)
     closures = count_closures([(0, 0)], nowhere, nowhere, nowhere.any(axis=1))
     assert closures.recall is None

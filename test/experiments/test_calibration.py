@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fitting the score to what was true."""
 
-from hdc_place_recognition.experiments.calibration import fit, Outcomes, reliability
+from hdc_place_recognition.experiments.calibration import fit, LabeledScores, reliability
 import numpy as np
 import pytest
 
@@ -22,5 +22,5 @@ def test_fit_of_separable_data_is_finite():
 
 
 def test_reliability_counts_all_candidates():
-    lines = reliability(Outcomes(np.array([0.01, 0.97, 1.0]), np.array([False, True, True])))
+    lines = reliability(LabeledScores(np.array([0.01, 0.97, 1.0]), np.array([False, True, True])))
     assert [line.split()[-1] for line in lines[1:]] == ['1', '2']

@@ -1,13 +1,13 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiments: what is compared, kept and counted, on tiny folders."""
+"""The experiments `vectors` and `shift` on tiny folders."""
 
 import csv
 
 from conftest import CellExtractor, texture
 import cv2
 from hdc_place_recognition.cli.experiments import main
-from hdc_place_recognition.datasets.open_dataset import open_dataset, Options
+from hdc_place_recognition.datasets.open_dataset import open_dataset
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.evaluation.evaluate import evaluate
 from hdc_place_recognition.experiments import runs
@@ -18,7 +18,13 @@ from hdc_place_recognition.experiments.compare_descriptors import (
     Variant,
     VARIANTS,
 )
-from hdc_place_recognition.experiments.runs import in_memory, KeepingExtractor, measure, Plan, Run
+from hdc_place_recognition.experiments.runs import (
+    CachingExtractor,
+    load_into_memory,
+    Plan,
+    run_plan,
+    VariantResult,
+)
 from hdc_place_recognition.experiments.view_shift import (
     estimate,
     MeasuredShifts,
@@ -34,13 +40,13 @@ PLACES = (0, 1, 2, 3, 0, 1)
 FLAGS = ('--extractor', 'gradient_grid', '--image-width', '64', '--dimensions', '256')
 SMALL = Params(dimensions=256, displacements_x=3, displacements_y=1)
 PAIR = (
-    Variant('default', {}, DEFAULT, 'the base'),
+    Variant('default', {}, DEFAULT, 'the baseline'),
     Variant('smaller', {'dimensions': 128}, 'dropped', 'a test'),
 )
 
 
 class CountingExtractor(CellExtractor):
-    """Counts the images that it looks at."""
+    """Counts the extracted images."""
 
     calls = 0
 
@@ -52,21 +58,21 @@ class CountingExtractor(CellExtractor):
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Make the experiment use the counting extractor."""
+    """Replace the extractor of the experiment; return the arguments it was created with."""
     CountingExtractor.calls = 0
-    made = []
+    created = []
 
     def create(name, *, image_width, max_features, threads):
-        made.append((name, image_width, max_features, threads))
+        created.append((name, image_width, max_features, threads))
         return CountingExtractor()
 
     monkeypatch.setattr(runs, 'create_extractor', create)
-    return made
+    return created
 
 
 @pytest.fixture
 def loop(tmp_path):
-    """Return a folder with a noisy loop of four places and its ground truth."""
+    """Return a folder with a noisy loop over four places and its ground truth."""
     folder = tmp_path / 'loop'
     write(
         folder / 'images',
@@ -84,81 +90,76 @@ def write(folder, images):
 
 
 def plan(folder, variants=PAIR, seeds=(0, 1), base=SMALL):
-    return Plan([open_dataset(folder, None, Options())], variants, seeds, base)
+    return Plan([open_dataset(folder)], variants, seeds, base)
 
 
 def test_every_variant_changes_the_default():
-    made = [Params().replace(**variant.changes) for variant in VARIANTS]
+    settings = [Params().replace(**variant.changes) for variant in VARIANTS]
     assert [variant.name for variant in VARIANTS if not variant.changes] == ['default']
-    assert len(set(made)) == len({variant.name for variant in VARIANTS}) == len(VARIANTS)
+    assert len(set(settings)) == len({variant.name for variant in VARIANTS}) == len(VARIANTS)
 
 
-def test_interval_is_students():
-    # Deviation 1 of three values: 4.303 / sqrt(3).
+def test_confidence_interval_of_students_t():
+    # Three values with standard deviation 1: 4.303 / sqrt(3).
     assert half_interval([1.0, 2.0, 3.0]) == pytest.approx(2.484, abs=1e-3)
     assert half_interval([0.5, 0.5]) == 0.0
     assert half_interval([1.0]) is None
-    # 32 values, deviation 0.508: beyond the table its last entry is used.
+    # 32 values with standard deviation 0.508: the last entry of the table is used.
     assert half_interval([0.0, 1.0] * 16) == pytest.approx(2.042 * 0.508 / 32**0.5, rel=1e-3)
 
 
 def test_table_has_means_and_intervals():
     runs = [
-        Run('one', 'default', 0, 0.4, 1.0, 0.1),
-        Run('one', 'default', 1, 0.6, 0.5, 0.1),
-        Run('two', 'default', 0, 0.8, 0.2, 0.1),
-        Run('two', 'default', 1, 0.8, 0.2, 0.1),
+        VariantResult('one', 'default', 0, 0.4, 1.0, 0.1),
+        VariantResult('one', 'default', 1, 0.6, 0.5, 0.1),
+        VariantResult('two', 'default', 0, 0.8, 0.2, 0.1),
+        VariantResult('two', 'default', 1, 0.8, 0.2, 0.1),
     ]
     lines = markdown(runs, PAIR[:1]).splitlines()
     cells = [[cell.strip() for cell in line.strip('|').split('|')] for line in lines]
-    assert cells[0] == ['variant', 'changes', 'one', 'two', 'mean AP', 'verdict', 'why']
-    # 12.706 * deviation / sqrt(2), over the seeds: of .4 and .6, and of the means .6 and .7.
+    assert cells[0] == ['variant', 'changes', 'one', 'two', 'mean AP', 'decision', 'why']
+    # 12.706 * deviation / sqrt(2) over the seeds: .4 and .6; means .6 and .7.
     assert cells[2][2:5] == ['0.500 ± 1.271, 0.75', '0.800 ± 0.000, 0.20', '0.650 ± 0.635']
     assert len(lines) == 3
 
 
-def test_images_are_known_by_their_content():
+def test_features_are_cached_by_image_content():
     CountingExtractor.calls = 0
-    keeping, image = KeepingExtractor(CountingExtractor()), texture(1)
-    first = keeping.extract(image)
-    assert keeping.extract(image.copy()) is first
-    assert keeping.extract(np.asfortranarray(image)) is first
+    caching, image = CachingExtractor(CountingExtractor()), texture(1)
+    first = caching.extract(image)
+    assert caching.extract(image.copy()) is first
+    assert caching.extract(np.asfortranarray(image)) is first
     assert CountingExtractor.calls == 1
-    keeping.extract(image.reshape(64, 48))
-    keeping.extract(texture(2))
+    caching.extract(image.reshape(64, 48))
+    caching.extract(texture(2))
     assert CountingExtractor.calls == 3
-    assert keeping.identity == CellExtractor.identity
+    assert caching.identity == CellExtractor.identity
 
 
-def test_features_that_do_not_fit_are_extracted_again():
+def test_features_beyond_the_capacity_are_extracted_again():
     CountingExtractor.calls = 0
-    size = sum(
-        a.nbytes
-        for a in vars(CellExtractor().extract(texture(0))).values()
-        if isinstance(a, np.ndarray)
-    )
-    keeping = KeepingExtractor(CountingExtractor(), limit_bytes=size)
+    features = CellExtractor().extract(texture(0))
+    size = features.keypoints.nbytes + features.descriptors.nbytes
+    caching = CachingExtractor(CountingExtractor(), limit_bytes=size)
     for _ in range(3):
         for seed in (0, 1):
-            same = keeping.extract(texture(seed))
+            cached = caching.extract(texture(seed))
             expected = CellExtractor().extract(texture(seed)).descriptors
-            np.testing.assert_array_equal(same.descriptors, expected)
+            np.testing.assert_array_equal(cached.descriptors, expected)
     assert CountingExtractor.calls == 1 + 3
 
 
 def test_images_in_memory_are_the_same(loop):
-    dataset = open_dataset(loop, None, Options())
-    kept = in_memory(dataset)
-    assert isinstance(kept.queries, list)
-    for (stamp, image), (kept_stamp, kept_image) in zip(
-        dataset.queries, kept.queries, strict=True
-    ):
-        assert stamp == kept_stamp
-        np.testing.assert_array_equal(image, kept_image)
+    dataset = open_dataset(loop)
+    loaded = load_into_memory(dataset)
+    assert isinstance(loaded.queries, list)
+    for frame, copy in zip(dataset.queries, loaded.queries, strict=True):
+        assert frame.stamp_ns == copy.stamp_ns
+        np.testing.assert_array_equal(frame.image, copy.image)
 
 
-def test_runs_are_plain_evaluations_with_features_extracted_once(loop, counted):
-    runs = list(measure(plan(loop)))
+def test_results_equal_single_evaluations(loop, counted):
+    runs = list(run_plan(plan(loop)))
     assert CountingExtractor.calls == len(PLACES)
     assert len(counted) == 1
     assert [(run.variant, run.seed) for run in runs] == [
@@ -170,28 +171,28 @@ def test_runs_are_plain_evaluations_with_features_extracted_once(loop, counted):
     for run in runs:
         dimensions = {'default': 256, 'smaller': 128}[run.variant]
         params = SMALL.replace(dimensions=dimensions, seed=run.seed)
-        dataset = open_dataset(loop, None, Options())
+        dataset = open_dataset(loop)
         params = params.replace(**dataset.overrides)
-        ranking = evaluate(dataset, assemble(params, CellExtractor())).judgement.ranking
+        ranking = evaluate(dataset, assemble(params, CellExtractor())).scores.ranking
         assert (run.average_precision, run.recall_at_1) == (
             ranking.average_precision,
             ranking.recall_at_1,
         )
 
 
-def test_another_image_width_has_an_extractor_of_its_own(loop, counted):
+def test_one_extractor_per_image_width(loop, counted):
     wide = Variant('wide', {'image_width': 640}, 'dropped', 'a test')
-    runs = list(measure(plan(loop, (*PAIR, wide))))
+    runs = list(run_plan(plan(loop, (*PAIR, wide))))
     assert [width for _, width, *_ in counted] == [320, 640]
     assert CountingExtractor.calls == 2 * len(PLACES)
     assert len(runs) == 6
 
 
-def test_nothing_to_be_found_is_an_error(loop, counted):
+def test_ground_truth_without_matches_is_an_error(loop, counted):
     nothing = np.zeros((len(PLACES), len(PLACES)))
     np.savez(loop / 'gt.npz', hard=nothing, soft=nothing, min_gap=2)
     with pytest.raises(PlaceRecognitionError, match='loop: the ground truth has no pair'):
-        list(measure(plan(loop)))
+        list(run_plan(plan(loop)))
 
 
 def test_command_prints_and_writes_the_table(loop, tmp_path, capsys):
@@ -225,9 +226,9 @@ def test_command_prints_and_writes_the_table(loop, tmp_path, capsys):
         ('n = (1, 1)', '6'),
     ]
     assert all(0 < float(run['average_precision']) <= 1 for run in runs)
-    # What took an hour is not overwritten.
+    # Results are not overwritten.
     assert main(command) == 2
-    assert 'vectors.csv is there already' in capsys.readouterr().err
+    assert 'vectors.csv exists already' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -256,7 +257,7 @@ def test_bad_input_is_one_line(loop, tmp_path, capsys, arguments, message):
     assert not output.exists()
 
 
-def test_an_experiment_is_needed():
+def test_an_experiment_is_required():
     with pytest.raises(SystemExit, match='2'):
         main([])
 
@@ -281,7 +282,7 @@ def test_displacements_are_read(tmp_path):
         (HEAD, 'has 0 shifts'),
     ],
 )
-def test_bad_displacements_are_named(tmp_path, content, message):
+def test_bad_displacements_file(tmp_path, content, message):
     file = tmp_path / 'displacements.csv'
     file.write_text(content)
     with pytest.raises(PlaceRecognitionError, match=message) as raised:
@@ -289,13 +290,13 @@ def test_bad_displacements_are_named(tmp_path, content, message):
     assert '\n' not in str(raised.value)
 
 
-# Of each place, pixels of a query of 160 x 80 right and down against its reference.
+# Shift of the query relative to the reference at each place, pixels right and down at 160 x 80.
 MOVES = ((16, 0), (-32, 16), (0, -16), (32, 0), (-16, 16), (0, 0))
 
 
 @pytest.fixture
 def shifted(tmp_path):
-    """Return two traverses whose queries are shifted by steps of .1, with displacements.csv."""
+    """Return two traverses with queries shifted by multiples of 0.1, and displacements.csv."""
     folder, lines = tmp_path / 'shifted', []
     references, queries = [], []
     for place, (x, y) in enumerate(MOVES):
@@ -315,18 +316,18 @@ SHIFT_FLAGS = ('--extractor', 'gradient_grid', '--image-width', '160', '--dimens
 def test_known_shifts_are_estimated(shifted, capsys):
     assert main(['shift', str(shifted), *SHIFT_FLAGS]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith('shifted: 6 true pairs; shift = position in the query less')
+    assert lines[0].startswith('shifted: 6 true pairs; shift = position in the query minus')
     for line, axis in ((lines[2], 'horizontal'), (lines[3], 'vertical')):
         found, correlation, error, *_ = line.split()
         assert found == axis and '-0.200 to 0.200' in line
         assert float(correlation) > 0.95 and float(error) < 0.01
 
 
-def test_shift_table_of_hand_written_numbers():
+def test_shift_table():
     measured = np.array([(0.0, 0.0), (0.1, 0.0), (0.2, 0.0)])
     estimated = np.array([(0.0, 0.1), (0.2, 0.0), (0.2, 0.0)])
     _, _, x, y = table('x', MeasuredShifts(measured, estimated)).splitlines()
-    # Of (0, 1, 2) and (0, 2, 2): covariance 2, squares 2 and 8 / 3.
+    # (0, 1, 2) and (0, 2, 2): covariance 2, sums of squares 2 and 8 / 3.
     assert x.split()[:4] == ['horizontal', '0.866', '0.000', '67%']
     assert y.split()[:3] == ['vertical', '-', '0.000']
 
@@ -343,10 +344,10 @@ def test_bad_parameters_of_shift(shifted, capsys, arguments, message):
     assert message in capsys.readouterr().err
 
 
-def test_shifts_need_two_traverses_with_these_places(shifted, loop):
+def test_shifts_need_two_traverses_with_all_places(shifted, loop):
     recognizer = assemble(SMALL, CellExtractor())
-    dataset = open_dataset(shifted, None, Options())
+    dataset = open_dataset(shifted)
     with pytest.raises(PlaceRecognitionError, match='has places 0 to 6, the images are 0 to 5'):
         estimate(dataset, {0: (0, 0), 6: (0, 0)}, recognizer)
     with pytest.raises(PlaceRecognitionError, match='loop: needs images/ref'):
-        estimate(open_dataset(loop, None, Options()), {0: (0, 0), 1: (0, 0)}, recognizer)
+        estimate(open_dataset(loop), {0: (0, 0), 1: (0, 0)}, recognizer)

@@ -12,9 +12,8 @@ import cv2
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.efficientnet import (
     EfficientNetLite0,
-    generalised_mean,
     network_graph,
-    normalised,
+    normalized,
 )
 from hdc_place_recognition.networks import cache, onnx_graph, runtime, weights
 import numpy as np
@@ -41,7 +40,7 @@ def state() -> weights.State:
 @pytest.fixture(scope='module')
 def graph(state) -> bytes:
     pytest.importorskip('onnx')
-    return onnx_graph.build(state, head=True)
+    return onnx_graph.build(state)
 
 
 @pytest.fixture
@@ -170,21 +169,20 @@ def test_batch_norm_is_folded():
 class Reference:
     """The network as published, layer by layer and with batch norm as such, in numpy."""
 
-    blocks = ((1, 1), (2, 2), (2, 2), (3, 2), (3, 1), (4, 2), (1, 1))
+    blocks = ((1, 1), (2, 2), (2, 2), (3, 2), (3, 1))
 
     def __init__(self, state: weights.State) -> None:
         self.state = state
 
-    def run(self, x: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return block 10 and the last convolution of a (c, h, w) image."""
+    def run(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return block 10 of a (c, h, w) image."""
         x = self.layer(x, '_conv_stem', '_bn0', 2).clip(0, 6)
-        features, number = x, 0
+        number = 0
         for count, stride in self.blocks:
             for i in range(count):
                 x = self.block(x, f'_blocks.{number}.', 1 if i else stride, i > 0)
-                features = x if number == 10 else features
                 number += 1
-        return features, self.layer(x, '_conv_head', '_bn1', 1).clip(0, 6)
+        return x
 
     def block(self, x, prefix: str, stride: int, shortcut: bool):
         y = x
@@ -205,26 +203,26 @@ class Reference:
         windows = np.lib.stride_tricks.sliding_window_view(
             np.pad(x, [(0, 0), *pads]), (k, k), (1, 2)
         )[:, ::stride, ::stride]
-        each = 'chwij,cdij->chw' if kernel.shape[1] == 1 else 'chwij,dcij->dhw'
-        y = np.einsum(each, windows, kernel, optimize=True)
+        picture = 'chwij,cdij->chw' if kernel.shape[1] == 1 else 'chwij,dcij->dhw'
+        y = np.einsum(picture, windows, kernel, optimize=True)
         return gain * (y - mean) / np.sqrt(variance + 1e-3) + offset
 
 
 def test_the_graph_is_the_published_network(state, graph):
-    image = normalised(noise(64, 96))
-    run = runtime.load(graph, ['features', 'head'], 1)
-    for output, expected in zip(run(image), Reference(state).run(image[0]), strict=True):
-        assert output[0].shape == expected.shape
-        assert np.abs(output[0] - expected).max() < 2e-5 * np.abs(expected).max()
+    image = normalized(noise(64, 96))
+    (output,) = runtime.load(graph, ['features'], 1)(image)
+    expected = Reference(state).run(image[0])
+    assert output[0].shape == expected.shape == (112, 4, 6)
+    assert np.abs(output[0] - expected).max() < 2e-5 * np.abs(expected).max()
 
 
 def test_both_runtimes_agree_whatever_the_size(graph):
     pytest.importorskip('onnxruntime')
-    outputs = ['features', 'head']
+    outputs = ['features']
     first = runtime.with_onnxruntime(graph, outputs, 1)
     second = runtime.with_opencv(graph, outputs)
     for height, width in ((64, 96), (32, 32), (48, 80), (64, 96)):
-        image = normalised(noise(height, width))
+        image = normalized(noise(height, width))
         for ours, theirs in zip(first(image), second(image), strict=True):
             assert ours.shape == theirs.shape
             assert np.abs(ours - theirs).max() < 1e-4 * np.abs(ours).max()
@@ -291,8 +289,8 @@ def test_a_relative_cache_folder_is_not_used(monkeypatch, tmp_path):
 
 
 def test_the_graph_is_kept_and_always_the_same(state, graph, folder):
-    assert network_graph(head=True) == graph
-    assert onnx_graph.build(state, head=True) == graph
+    assert network_graph() == graph
+    assert onnx_graph.build(state) == graph
     (path,) = folder.iterdir()
     assert path.read_bytes() == graph
     assert f'-v{onnx_graph.GRAPH_VERSION}-{weights.WEIGHTS_SHA256[:16]}-' in path.name
@@ -317,33 +315,16 @@ def test_a_feature_belongs_to_its_cell(extractor):
     changed = image.copy()
     changed[100:108, 200:208] = 255
     image[0, 0] = changed[0, 0] = 0
-    before, after = (extractor.extract(each) for each in (image, changed))
+    before, after = (extractor.extract(picture) for picture in (image, changed))
     change = np.linalg.norm(after.descriptors - before.descriptors, axis=1)
     assert np.abs(after.keypoints[change.argmax()] - [203.5, 103.5]).max() < 32
 
 
 def test_the_network_sees_rgb_between_minus_and_plus_one():
     blue, green, red = 0, 127, 255
-    tensor = normalised(np.full((1, 2, 3), (blue, green, red), np.uint8))
+    tensor = normalized(np.full((1, 2, 3), (blue, green, red), np.uint8))
     assert tensor.shape == (1, 3, 1, 2)
     assert tensor[0, :, 0, 1].tolist() == [1, 0, -127 / 128]
-
-
-def test_the_generalised_mean():
-    assert np.allclose(generalised_mean(np.array([[[1, 2]], [[3, 3]]], np.float32)), [1.650964, 3])
-
-
-def test_pooling_adds_a_vector_and_changes_nothing_else(extractor):
-    image = noise(240, 320)
-    pooling = EfficientNetLite0(image_width=320, threads=1, pooled=True)
-    plain, pooled = extractor.extract(image), pooling.extract(image)
-    assert plain.pooled is None
-    assert pooled.pooled is not None
-    assert pooled.pooled.shape == (1280,)
-    assert pooled.pooled.dtype == np.float32
-    assert pooled.pooled.min() >= 0 < pooled.pooled.max() <= 6
-    assert np.allclose(pooled.descriptors, plain.descriptors, atol=1e-4)
-    assert pooling.extract(np.zeros((240, 320), np.uint8)).pooled is None
 
 
 def test_the_identity_names_block_width_and_weights_but_not_the_runtime(state, monkeypatch):

@@ -13,7 +13,7 @@ from hdc_place_recognition.features.local_features import Extractor, LocalFeatur
 from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
 from hdc_place_recognition.features.resize import (
     as_bgr,
-    as_grey,
+    as_gray,
     grid,
     reduce_to_width,
     restore,
@@ -44,7 +44,7 @@ def name(request) -> str:
 
 
 def scene(height: int = 240, width: int = 320) -> NDArray[np.uint8]:
-    """Return a colour image with structures of all sizes."""
+    """Return a color image with structures of all sizes."""
     coarse = np.random.default_rng(1).integers(0, 256, (12, 16, 3), dtype=np.uint8)
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
 
@@ -90,7 +90,6 @@ def test_features_of_an_image(name):
     features = create(name).extract(image)
     check(features, image, LENGTHS[name])
     assert len(features) > 5
-    assert features.pooled is None
     assert np.array_equal(image, before)
 
 
@@ -111,12 +110,12 @@ def test_a_blank_image_has_no_features(name, shape):
     assert len(features) == 0
 
 
-def test_a_grey_image_is_a_colour_image_without_colours(name):
-    grey = scene()[:, :, 1].copy()
+def test_a_gray_image_is_a_color_image_without_colors(name):
+    gray = scene()[:, :, 1].copy()
     extractor = create(name)
-    of_grey, of_colour = extractor.extract(grey), extractor.extract(np.dstack([grey] * 3))
-    assert np.array_equal(of_grey.keypoints, of_colour.keypoints)
-    assert np.array_equal(of_grey.descriptors, of_colour.descriptors)
+    of_gray, of_color = extractor.extract(gray), extractor.extract(np.dstack([gray] * 3))
+    assert np.array_equal(of_gray.keypoints, of_color.keypoints)
+    assert np.array_equal(of_gray.descriptors, of_color.descriptors)
 
 
 def test_the_same_image_has_the_same_features(name):
@@ -156,19 +155,19 @@ def test_an_image_that_is_small_enough_is_not_copied():
     assert reduce_to_width(image, 320, multiple=16, smallest=32) is image
 
 
-def test_grey_and_colour():
+def test_gray_and_color():
     pixel = np.array([[[255, 0, 0]]], np.uint8)
-    assert as_grey(pixel).tolist() == [[29]]
+    assert as_gray(pixel).tolist() == [[29]]
     assert as_bgr(np.array([[7]], np.uint8)).tolist() == [[[7, 7, 7]]]
 
 
-def test_grid_positions_are_centres_and_pixel_centres_are_integers():
+def test_grid_positions_are_centers_and_pixel_centers_are_integers():
     points = grid((2, 3), step=16, first=8)
     assert points.tolist() == [
         [7.5, 7.5], [23.5, 7.5], [39.5, 7.5], [7.5, 23.5], [23.5, 23.5], [39.5, 23.5],
     ]  # fmt: skip
     reduced, image = np.zeros((32, 48), np.uint8), np.zeros((32, 96), np.uint8)
-    # A cell's centre lies between two pixels: 8 of 48 columns from the border are 16 of 96.
+    # A cell's center lies between two pixels: 8 of 48 columns from the border are 16 of 96.
     assert restore(points, reduced, image)[0].tolist() == [15.5, 7.5]
 
 
@@ -218,7 +217,7 @@ def test_the_cosine_of_orb_features_is_their_hamming_distance():
     image = scene()
     features = create('orb').extract(image)
     assert set(np.unique(features.descriptors)) == {-1, 1}
-    _, packed = cv2.ORB.create(nfeatures=100).detectAndCompute(as_grey(image), None)
+    _, packed = cv2.ORB.create(nfeatures=100).detectAndCompute(as_gray(image), None)
     distances = {cv2.norm(packed[0], row, cv2.NORM_HAMMING) for row in packed}
     products = features.descriptors @ signs(packed[:1])[0]
     assert {float(x) for x in 128 - products / 2} == distances

@@ -26,7 +26,7 @@ import pytest
 ONE = Shifts(1, 1, 0.0)
 
 
-def encoder(
+def new_encoder(
     preprocessing: str = 'l2_center', seed: int = 0, shifts: Shifts = ONE
 ) -> DescriptorEncoder:
     return DescriptorEncoder(
@@ -149,23 +149,23 @@ def test_shifts_are_regular_around_zero():
 
 
 def test_equation_4_in_a_loop_of_float64():
-    one, found = encoder(), features(20)
+    encoder, found = new_encoder(), features(20)
     unit = found.descriptors / np.linalg.norm(found.descriptors, axis=1, keepdims=True)
     local = (unit - unit.mean(axis=0)).astype(np.float64)
-    places = one.positions.encode(found)
+    places = encoder.positions.encode(found)
     total = np.zeros(4096)
     for descriptor, place in zip(local, places, strict=True):
-        total += (one.projection(32) @ descriptor) * place
-    assert np.allclose(one.encode(found)[0], total / np.linalg.norm(total), atol=1e-5)
+        total += (encoder.projection(32) @ descriptor) * place
+    assert np.allclose(encoder.encode(found)[0], total / np.linalg.norm(total), atol=1e-5)
 
 
 def test_standardize_in_a_loop_of_float64():
-    one, found = encoder('standardize'), features(20)
+    encoder, found = new_encoder('standardize'), features(20)
     unit = found.descriptors / np.linalg.norm(found.descriptors, axis=1, keepdims=True)
     local = (unit - unit.mean(axis=0)) / unit.astype(np.float64).std(axis=0)
-    projected = local @ one.projection(32).T
-    total = (projected * one.positions.encode(found)).sum(axis=0)
-    assert np.allclose(one.encode(found)[0], total / np.linalg.norm(total), atol=1e-5)
+    projected = local @ encoder.projection(32).T
+    total = (projected * encoder.positions.encode(found)).sum(axis=0)
+    assert np.allclose(encoder.encode(found)[0], total / np.linalg.norm(total), atol=1e-5)
 
 
 def test_gaussian_projection_keeps_lengths_on_average():
@@ -184,13 +184,13 @@ def test_orthogonal_projection_keeps_lengths_and_angles():
 
 @pytest.mark.parametrize('found', [features(50), grid_of_features()])
 def test_unit_length_and_repeatable(found):
-    vectors = encoder(shifts=Shifts(3, 3, 0.1)).encode(found)
+    vectors = new_encoder(shifts=Shifts(3, 3, 0.1)).encode(found)
     assert vectors.shape == (9, 4096) and vectors.dtype == np.float32
     assert np.allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-5)
-    again = encoder(shifts=Shifts(3, 3, 0.1))
+    again = new_encoder(shifts=Shifts(3, 3, 0.1))
     assert np.array_equal(vectors, again.encode(found))
-    assert np.allclose(vectors[4], encoder().encode(found)[0], atol=1e-6)
-    assert not np.allclose(vectors[4], encoder(seed=1).encode(found)[0])
+    assert np.allclose(vectors[4], new_encoder().encode(found)[0], atol=1e-6)
+    assert not np.allclose(vectors[4], new_encoder(seed=1).encode(found)[0])
 
 
 def test_same_features_elsewhere_are_another_place():
@@ -199,41 +199,41 @@ def test_same_features_elsewhere_are_another_place():
     noisy = (found.descriptors + noise).astype(np.float32)
     again = LocalFeatures(found.keypoints, noisy, 320, 240)
     moved = LocalFeatures(found.keypoints[::-1].copy(), found.descriptors, 320, 240)
-    one = encoder()
-    assert algebra.cosine_similarity(one.encode(found), one.encode(again)) > 0.8
-    assert algebra.cosine_similarity(one.encode(found), one.encode(moved)) < 0.3
+    encoder = new_encoder()
+    assert algebra.cosine_similarity(encoder.encode(found), encoder.encode(again)) > 0.8
+    assert algebra.cosine_similarity(encoder.encode(found), encoder.encode(moved)) < 0.3
 
 
 def test_a_shift_makes_up_for_a_shifted_view():
-    one = encoder(shifts=Shifts(5, 1, 0.1))
+    encoder = new_encoder(shifts=Shifts(5, 1, 0.1))
     found = features(100)
     # The view moved by 64 px: what was at x is now at x - 64, and what left it is replaced.
     left = found.keypoints[:, 0] < 64
     keypoints = found.keypoints - np.array([64, 0], np.float32)
     keypoints[left] += np.array([320, 0], np.float32)
     descriptors = np.where(left[:, None], features(100, seed=9).descriptors, found.descriptors)
-    query = one.encode(LocalFeatures(keypoints, descriptors, 320, 240))
-    similarities = algebra.cosine_similarity(query, one.encode(found)[2])
+    query = encoder.encode(LocalFeatures(keypoints, descriptors, 320, 240))
+    similarities = algebra.cosine_similarity(query, encoder.encode(found)[2])
     assert similarities.argmax() == 4 and similarities[4] > 2 * similarities[2]
 
 
 @pytest.mark.parametrize('preprocessing', ['l2_center', 'standardize'])
 def test_defined_answers(preprocessing):
-    one = encoder(preprocessing)
-    none = one.encode(features(0))
+    encoder = new_encoder(preprocessing)
+    none = encoder.encode(features(0))
     assert none.shape == (1, 4096) and not none.any()
-    single = one.encode(features(1))
+    single = encoder.encode(features(1))
     assert np.isfinite(single).all() and np.linalg.norm(single) == pytest.approx(1, abs=1e-5)
     flat = LocalFeatures(np.zeros((5, 2), np.float32), np.ones((5, 8), np.float32), 10, 10)
-    assert not one.encode(flat).any()
+    assert not encoder.encode(flat).any()
     zero = LocalFeatures(np.zeros((3, 2), np.float32), np.zeros((3, 8), np.float32), 10, 10)
-    assert not one.encode(zero).any()
+    assert not encoder.encode(zero).any()
 
 
 def test_inputs_are_left_alone():
     found = features(10)
     before = found.descriptors.copy()
-    encoder('standardize').encode(found)
+    new_encoder('standardize').encode(found)
     assert np.array_equal(found.descriptors, before)
 
 
@@ -271,18 +271,18 @@ def noisy(found: LocalFeatures, deviation: float = 0.3) -> LocalFeatures:
 
 def test_another_architecture_encodes_and_compares_images():
     vsa = Bipolar()
-    one, found = with_vsa(vsa), features(60)
-    vector = one.encode(found)[0]
+    encoder, found = with_vsa(vsa), features(60)
+    vector = encoder.encode(found)[0]
     assert np.unique(np.abs(vector)).size == 1
-    assert vsa.similarity(vector, one.encode(noisy(found))[0]) > 0.4
-    assert abs(vsa.similarity(vector, one.encode(features(60, seed=1))[0])) < 0.1
+    assert vsa.similarity(vector, encoder.encode(noisy(found))[0]) > 0.4
+    assert abs(vsa.similarity(vector, encoder.encode(features(60, seed=1))[0])) < 0.1
 
 
 def test_another_architecture_is_compared_under_shifts_too():
     found = features(60)
     moved = replace(found, keypoints=found.keypoints + np.array([32, 0], np.float32))
-    one = with_vsa(Bipolar(), shifts=Shifts(3, 1, 0.1))
-    similarities = algebra.cosine_similarity(one.encode(moved), one.encode(found)[1])
+    encoder = with_vsa(Bipolar(), shifts=Shifts(3, 1, 0.1))
+    similarities = algebra.cosine_similarity(encoder.encode(moved), encoder.encode(found)[1])
     assert similarities.argmax() == 0 and similarities[0] > 2 * similarities[1]
 
 
@@ -294,14 +294,14 @@ class OneRole:
 
 
 def test_other_roles_than_positions_are_bound():
-    found, one = features(50), with_vsa(algebra.MAP, roles=OneRole())
+    found, encoder = features(50), with_vsa(algebra.MAP, roles=OneRole())
     moved = replace(found, keypoints=found.keypoints[::-1].copy())
-    assert np.array_equal(one.encode(found), one.encode(moved))
-    assert one.encode(found).any()
+    assert np.array_equal(encoder.encode(found), encoder.encode(moved))
+    assert encoder.encode(found).any()
 
 
 def test_the_readable_form_serves_map_as_well():
     found, shifts = features(40), Shifts(3, 3, 0.1)
-    fast = encoder(shifts=shifts)
+    fast = new_encoder(shifts=shifts)
     readable = with_vsa(algebra.MAP, shifts=shifts, roles=fast.positions)
     assert close(readable.encode(found), fast.encode(found))

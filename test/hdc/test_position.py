@@ -44,7 +44,7 @@ def test_blocks_show_what_equation_2_says(size):
     splits = encoder.splits_x(np.linspace(-1, 101, 60, dtype=np.float32).reshape(3, 20), 101)
     assert {0, 30} <= set(splits.alpha.ravel())
     blocks = list(algebra.blocks(30, size))
-    shown = np.concatenate([splits.show(encoder.basis_x, each) for each in blocks], axis=-1)
+    shown = np.concatenate([splits.show(encoder.basis_x, block) for block in blocks], axis=-1)
     on_the_left = np.arange(30) < splits.alpha[..., None]
     left, right = encoder.basis_x[splits.left], encoder.basis_x[splits.left + 1]
     assert np.array_equal(shown, np.where(on_the_left, left, right))

@@ -29,8 +29,8 @@ def test_order_matters():
 
 
 def test_one_image_of_three():
-    other = np.stack([IMAGES[5], IMAGES[6], IMAGES[2]])
-    assert algebra.cosine_similarity(run(IMAGES[:3])[-1], run(other)[-1]) == pytest.approx(
+    mixed = np.stack([IMAGES[5], IMAGES[6], IMAGES[2]])
+    assert algebra.cosine_similarity(run(IMAGES[:3])[-1], run(mixed)[-1]) == pytest.approx(
         1 / 3, abs=0.06
     )
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One table of parameters, and every form made from it."""
+"""The table of parameters and its conversions."""
 
 import argparse
 from dataclasses import fields
@@ -11,6 +11,7 @@ from hdc_place_recognition.cli.params import main
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.formats import (
     add_arguments,
+    candidate_fields_table,
     dump_yaml,
     from_arguments,
     load_yaml,
@@ -60,22 +61,22 @@ def test_every_parameter_is_described_and_its_default_allowed():
         ({'center_database': 1}, 'parameter center_database: 1 is a int, expected a bool'),
     ],
 )
-def test_bad_values_are_named(changes, message):
+def test_invalid_values_are_errors(changes, message):
     with pytest.raises(PlaceRecognitionError, match=message):
         Params.from_dict(changes)
 
 
-def test_integer_serves_for_a_float():
+def test_an_integer_is_accepted_for_a_float():
     changed = Params.from_dict({'min_score': 1})
     assert changed.min_score == 1.0 and type(changed.min_score) is float
 
 
-def test_yaml_there_and_back(tmp_path):
+def test_yaml_round_trip(tmp_path):
     for params in (Params(), CHANGED, Params(odom_tolerance_s=1e-6)):
         assert Params.from_dict(load_yaml(write(tmp_path / 'p.yaml', dump_yaml(params)))) == params
 
 
-def test_the_nodes_own_section_wins_and_ros_parameters_pass(tmp_path):
+def test_the_section_of_the_node_overrides_and_ros_parameters_are_ignored(tmp_path):
     text = (
         '/**:\n  ros__parameters: {n_x: 2, n_y: 3, use_sim_time: true}\n'
         'place_recognition_node:\n  ros__parameters: {n_x: 5}\n'
@@ -87,8 +88,8 @@ def test_the_nodes_own_section_wins_and_ros_parameters_pass(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('a: [1', 'is no YAML'),
-        ('', 'holds no sections'),
+        ('a: [1', 'is not valid YAML'),
+        ('', 'has no sections'),
         (
             'other:\n  ros__parameters: {n_x: 2}',
             r'no section /\*\* or place_recognition_node; it has',
@@ -96,7 +97,7 @@ def test_the_nodes_own_section_wins_and_ros_parameters_pass(tmp_path):
         ('/**: {n_x: 2}', 'has no mapping ros__parameters'),
     ],
 )
-def test_bad_files_are_named(tmp_path, text, message):
+def test_invalid_files_are_errors(tmp_path, text, message):
     with pytest.raises(PlaceRecognitionError, match=message):
         load_yaml(write(tmp_path / 'p.yaml', text))
     with pytest.raises(PlaceRecognitionError, match='No such file'):
@@ -127,6 +128,12 @@ def test_an_even_count_of_shifts_is_refused(name):
 def test_config_file_is_up_to_date():
     assert (ROOT / 'config' / 'place_recognition.yaml').read_text() == dump_yaml(Params()), (
         'run: hdc_params --yaml > config/place_recognition.yaml'
+    )
+
+
+def test_documented_candidate_fields_are_up_to_date():
+    assert candidate_fields_table() in (ROOT / 'doc' / 'topics.md').read_text(), (
+        'paste what hdc_params --candidate-fields prints'
     )
 
 

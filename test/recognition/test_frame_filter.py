@@ -66,12 +66,12 @@ def test_clock_goes_on_with_a_slow_robot():
 
 
 def test_asking_for_the_skip_reason_changes_nothing():
-    asked, other = FrameFilter(), FrameFilter()
+    asked, accepting = FrameFilter(), FrameFilter()
     for stamp in (START, START, START + 100 * MS, START + 300 * MS, START - 10_000 * MS):
         assert asked.skip_reason(stamp, 200 * MS) == asked.skip_reason(stamp, 200 * MS)
-        assert asked.skip_reason(stamp, 200 * MS) is other.accept(stamp, 200 * MS)
+        assert asked.skip_reason(stamp, 200 * MS) is accepting.accept(stamp, 200 * MS)
         asked.accept(stamp, 200 * MS)
-        assert asked.clock_ns == other.clock_ns
+        assert asked.clock_ns == accepting.clock_ns
 
 
 def test_a_stamp_a_second_back_means_that_the_clock_was_set_back():

@@ -90,7 +90,7 @@ def test_an_image_without_features_does_not_replace_the_last_keyframe():
 
 
 @pytest.mark.parametrize(
-    ('other', 'near'),
+    ('position', 'near'),
     [
         ((0, 0, 0), True),
         ((0.3, 0.3, 0.2), True),
@@ -99,9 +99,9 @@ def test_an_image_without_features_does_not_replace_the_last_keyframe():
         ((0, 0, -0.5), False),
     ],
 )
-def test_poses_are_near_below_the_distance(other, near):
+def test_poses_are_near_below_the_distance(position, near):
     upright = (0.0, 0.0, 0.0, 1.0)
-    assert Pose((0, 0, 0), upright).near(Pose(other, upright), 0.5, 10.0) is near
+    assert Pose((0, 0, 0), upright).near(Pose(position, upright), 0.5, 10.0) is near
 
 
 def test_a_turn_counts_about_any_axis_and_zero_is_never_near():

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The recogniser as the node and the offline tools use it."""
+"""The recognizer as the node and the offline tools use it."""
 
 from conftest import CellExtractor, texture
 import cv2
@@ -24,14 +24,16 @@ S = 1_000_000_000
 BASE = Params(dimensions=1024, min_interval_s=0.5, exclude_recent_s=5.0, min_score=0.8)
 
 
-def recognizer(**changes: object) -> PlaceRecognizer:
+def new_recognizer(**changes: object) -> PlaceRecognizer:
     return assemble(BASE.replace(**changes), CellExtractor())
 
 
-def drive(places: list[int], one: PlaceRecognizer | None = None) -> list[Detection]:
+def drive(places: list[int], recognizer: PlaceRecognizer | None = None) -> list[Detection]:
     """Visit places, one a second."""
-    one = one or recognizer()
-    return [one.process(Frame(index * S, texture(place))) for index, place in enumerate(places)]
+    recognizer = recognizer or new_recognizer()
+    return [
+        recognizer.process(Frame(index * S, texture(place))) for index, place in enumerate(places)
+    ]
 
 
 def test_finds_the_loop():
@@ -58,18 +60,18 @@ def test_recent_images_are_no_candidates():
 
 
 def test_exclusion_comes_before_the_best_are_taken():
-    detections = drive([3, 1, 2, *[3] * 5], recognizer(top_k=1))
+    detections = drive([3, 1, 2, *[3] * 5], new_recognizer(top_k=1))
     assert detections[-1].candidates[0].match_id == 0
 
 
 def test_exclusion_by_count():
-    found = drive([3, 1, 2, 3], recognizer(exclude_recent_s=0.0, exclude_recent_frames=2))[-1]
+    found = drive([3, 1, 2, 3], new_recognizer(exclude_recent_s=0.0, exclude_recent_frames=2))[-1]
     assert [candidate.match_id for candidate in found.candidates] == [0]
     assert len(found.similarities) == 1
 
 
 def test_whole_row_of_similarities_and_top_k():
-    found = drive(list(range(32)), recognizer(top_k=3))[-1]
+    found = drive(list(range(32)), new_recognizer(top_k=3))[-1]
     assert found.similarities.shape == (27,)
     rows = [candidate.match_id for candidate in found.candidates]
     # The best, and the best of those that are not next to it.
@@ -81,72 +83,75 @@ def test_whole_row_of_similarities_and_top_k():
 
 
 def test_live_parameter_takes_effect_with_the_next_image():
-    one = recognizer()
-    drive([*range(10), 3], one)
-    one.params = one.params.replace(min_score=0.0)
-    found = one.process(Frame(20 * S, texture(99)))
+    recognizer = new_recognizer()
+    drive([*range(10), 3], recognizer)
+    recognizer.params = recognizer.params.replace(min_score=0.0)
+    found = recognizer.process(Frame(20 * S, texture(99)))
     assert found.status is Status.ACCEPTED and found.accepted == found.candidates
 
 
 def test_images_too_near_are_skipped():
-    one = recognizer()
-    first, second = one.process(Frame(0, texture(0))), one.process(Frame(S // 4, texture(0)))
+    recognizer = new_recognizer()
+    first, second = (
+        recognizer.process(Frame(0, texture(0))),
+        recognizer.process(Frame(S // 4, texture(0))),
+    )
     assert first.status is Status.DATABASE_TOO_YOUNG
     assert second.status is Status.TOO_SOON and second.keyframe_id is None
-    assert len(one.database) == 1
+    assert len(recognizer.database) == 1
 
 
 def test_blank_image_is_answered_and_not_stored():
-    one = recognizer()
-    drive(list(range(8)), one)
-    found = one.process(Frame(9 * S, np.zeros((48, 64), np.uint8)))
+    recognizer = new_recognizer()
+    drive(list(range(8)), recognizer)
+    found = recognizer.process(Frame(9 * S, np.zeros((48, 64), np.uint8)))
     assert found.status is Status.NO_FEATURES and found.candidates == ()
-    assert found.keyframe_id is None and len(one.database) == 8
+    assert found.keyframe_id is None and len(recognizer.database) == 8
     assert np.isfinite(found.similarities).all()
 
 
 @pytest.mark.parametrize(
     'image', [texture(1), texture(1).astype(np.uint16) * 257, np.dstack([texture(1)] * 3)]
 )
-def test_grey_16_bit_and_colour_are_the_same_place(image):
-    one = recognizer()
-    drive(list(range(8)), one)
-    assert one.process(Frame(9 * S, image)).candidates[0].match_id == 1
+def test_gray_16_bit_and_color_are_the_same_place(image):
+    recognizer = new_recognizer()
+    drive(list(range(8)), recognizer)
+    assert recognizer.process(Frame(9 * S, image)).candidates[0].match_id == 1
 
 
 def test_no_image_is_an_error_and_changes_nothing():
-    one = recognizer()
+    recognizer = new_recognizer()
     with pytest.raises(PlaceRecognitionError, match='image'):
-        one.process(Frame(5 * S, np.zeros((3, 4, 5, 6), np.uint8)))
-    assert one.process(Frame(5 * S, texture(0))).keyframe_id == 0
+        recognizer.process(Frame(5 * S, np.zeros((3, 4, 5, 6), np.uint8)))
+    assert recognizer.process(Frame(5 * S, texture(0))).keyframe_id == 0
 
 
 def test_clock_set_back_keeps_the_places():
-    one = recognizer()
-    drive(list(range(10)), one)
-    found = one.process(Frame(0, texture(2)))
+    recognizer = new_recognizer()
+    drive(list(range(10)), recognizer)
+    found = recognizer.process(Frame(0, texture(2)))
     assert found.status is Status.ACCEPTED and found.candidates[0].match_id == 2
 
 
 def test_sequences_tell_look_alikes_apart():
     # Places 0-4, then 10, 11, 2: alone the last image fits; with what came before it does not.
     places = [0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 11, 2]
-    alone, together = drive(places)[-1], drive(places, recognizer(sequence_length=3))[-1]
+    alone, together = drive(places)[-1], drive(places, new_recognizer(sequence_length=3))[-1]
     assert alone.status is Status.ACCEPTED
     assert together.status is Status.BELOW_THRESHOLD
-    again = drive([0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 1, 2], recognizer(sequence_length=3))[-1]
+    again = drive([0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 1, 2], new_recognizer(sequence_length=3))[-1]
     assert again.status is Status.ACCEPTED and again.candidates[0].match_id == 2
 
 
 def test_two_traverses_and_retrieval():
-    one = recognizer()
-    observed = [one.observe(Frame(index * S, texture(index))) for index in range(6)]
-    assert [one.store(image).keyframe_id for image in observed] == list(range(6))
-    one.start_traverse()
-    asked = one.recognize(one.observe(Frame(0, texture(4))))
+    recognizer = new_recognizer()
+    observed = [recognizer.observe(Frame(index * S, texture(index))) for index in range(6)]
+    assert [recognizer.store(image).keyframe_id for image in observed] == list(range(6))
+    recognizer.start_traverse()
+    asked = recognizer.recognize(recognizer.observe(Frame(0, texture(4))))
     assert asked.candidates[0].match_id == 4 and asked.keyframe_id is None
-    assert len(one.database) == 6 and asked.similarities.shape == (6,)
-    skipped = one.recognize(observed[4], without=4)
+    assert len(recognizer.database) == 6 and asked.similarities.shape == (6,)
+    skipped = recognizer.recognize(observed[4], without=4)
     assert 4 not in [candidate.match_id for candidate in skipped.candidates]
     assert skipped.candidates and skipped.candidates[0].score < 0.8
 
@@ -158,7 +163,7 @@ def test_same_input_same_output():
 
 
 def test_recognizer_names_its_features():
-    assert recognizer().identity == 'cells'
+    assert new_recognizer().identity == 'cells'
 
 
 def test_every_stage_is_timed():
@@ -176,68 +181,73 @@ def test_warm_up_leaves_no_trace(length):
     places = [*range(8), 3, 4]
     for index, place in enumerate(places):
         image = cv2.resize(texture(place), (160, 120), interpolation=cv2.INTER_CUBIC)
-        found, expected = (one.process(Frame(index * S, image)) for one in (warm, cold))
+        found, expected = (
+            recognizer.process(Frame(index * S, image)) for recognizer in (warm, cold)
+        )
         assert found == expected
         assert np.array_equal(found.similarities, expected.similarities)
     assert found.candidates[0].inliers != NOT_VERIFIED
 
 
 def test_warm_up_has_seen_to_everything():
-    one = recognizer()
-    one.warm_up(64, 48)
-    assert one._encoder._descriptor.projection.cache_info().currsize == 1
+    recognizer = new_recognizer()
+    recognizer.warm_up(64, 48)
+    assert recognizer._encoder._descriptor.projection.cache_info().currsize == 1
 
 
 def test_two_traverses_run_side_by_side():
     """Each camera goes its own way; together they answer as each alone, but for the database."""
-    both, alone = recognizer(exclude_recent_s=0.0), recognizer(exclude_recent_s=0.0)
+    both, alone = new_recognizer(exclude_recent_s=0.0), new_recognizer(exclude_recent_s=0.0)
     left, right = list(range(12)), list(range(20, 32))
-    for index, (place, other) in enumerate(zip(left, right, strict=True)):
+    for index, (place, place_on_the_right) in enumerate(zip(left, right, strict=True)):
         frame = Frame(index * S, texture(place), 'left')
         found, expected = both.process(frame), alone.process(Frame(index * S, texture(place)))
         assert found.status is expected.status
         assert found.keyframe_id == 2 * expected.keyframe_id
-        assert both.process(Frame(index * S, texture(other), 'right')).keyframe_id is not None
+        assert (
+            both.process(Frame(index * S, texture(place_on_the_right), 'right')).keyframe_id
+            is not None
+        )
     assert both.traverse('left').filter.clock_ns == alone.traverse().filter.clock_ns
     assert both.database.neighbors(4) == (2, 6) and both.database.distance(4, 5) is None
 
 
 def test_a_stamp_of_a_camera_is_not_that_of_another():
-    one = recognizer()
-    assert one.process(Frame(5 * S, texture(0), 'left')).status is Status.DATABASE_TOO_YOUNG
-    assert one.skip_reason(5 * S, 'left') is Status.STAMP_REPEATED
-    assert one.skip_reason(5 * S, 'right') is None
-    assert one.process(Frame(5 * S, texture(1), 'right')).keyframe_id == 1
+    recognizer = new_recognizer()
+    assert recognizer.process(Frame(5 * S, texture(0), 'left')).status is Status.DATABASE_TOO_YOUNG
+    assert recognizer.skip_reason(5 * S, 'left') is Status.STAMP_REPEATED
+    assert recognizer.skip_reason(5 * S, 'right') is None
+    assert recognizer.process(Frame(5 * S, texture(1), 'right')).keyframe_id == 1
 
 
 def test_another_traverse_is_newer_than_those_before():
-    one = recognizer()
-    drive([3, 1, 2], one)
-    traverse = one.start_traverse()
-    assert traverse.number == 1 and one.traverse() is traverse
+    recognizer = new_recognizer()
+    drive([3, 1, 2], recognizer)
+    traverse = recognizer.start_traverse()
+    assert traverse.number == 1 and recognizer.traverse() is traverse
     # What was seen before is two seconds old, whatever the stamps say.
-    assert one.process(Frame(0, texture(3))).status is Status.DATABASE_TOO_YOUNG
-    again = [one.process(Frame(n * S, texture(50 + n))) for n in range(1, 5)]
+    assert recognizer.process(Frame(0, texture(3))).status is Status.DATABASE_TOO_YOUNG
+    again = [recognizer.process(Frame(n * S, texture(50 + n))) for n in range(1, 5)]
     assert again[-1].status is Status.BELOW_THRESHOLD
-    assert one.process(Frame(5 * S, texture(3))).accepted[0].match_id == 0
+    assert recognizer.process(Frame(5 * S, texture(3))).accepted[0].match_id == 0
 
 
 def test_encoding_is_pure():
-    one = recognizer()
-    before = one.encode(texture(3))
-    drive([1, 2, 3, 4], one)
-    assert np.array_equal(one.encode(texture(3)), before)
+    recognizer = new_recognizer()
+    before = recognizer.encode(texture(3))
+    drive([1, 2, 3, 4], recognizer)
+    assert np.array_equal(recognizer.encode(texture(3)), before)
     assert before.shape == (1024,) and np.linalg.norm(before) == pytest.approx(1, abs=1e-5)
 
 
 def test_one_snapshot_of_the_parameters_serves_an_image():
-    one = recognizer()
-    drive([*range(10), 3], one)
-    snapshot = one.params.replace(min_score=0.0, min_interval_s=60.0)
-    assert one.process(Frame(11 * S, texture(98)), snapshot).status is Status.TOO_SOON
-    found = one.process(Frame(90 * S, texture(99)), snapshot)
+    recognizer = new_recognizer()
+    drive([*range(10), 3], recognizer)
+    snapshot = recognizer.params.replace(min_score=0.0, min_interval_s=60.0)
+    assert recognizer.process(Frame(11 * S, texture(98)), snapshot).status is Status.TOO_SOON
+    found = recognizer.process(Frame(90 * S, texture(99)), snapshot)
     assert found.status is Status.ACCEPTED and found.accepted == found.candidates
-    assert one.process(Frame(91 * S, texture(97))).status is Status.BELOW_THRESHOLD
+    assert recognizer.process(Frame(91 * S, texture(97))).status is Status.BELOW_THRESHOLD
 
 
 class Switching:
@@ -255,15 +265,15 @@ class Switching:
 
 def test_a_live_change_never_applies_to_half_an_image():
     extractor = Switching()
-    one = assemble(BASE, extractor)
-    drive([*range(10), 3], one)
+    recognizer = assemble(BASE, extractor)
+    drive([*range(10), 3], recognizer)
 
     def change() -> None:
-        one.params = one.params.replace(min_score=0.0, top_k=1)
+        recognizer.params = recognizer.params.replace(min_score=0.0, top_k=1)
 
     extractor.change = change
-    assert one.process(Frame(20 * S, texture(99))).status is Status.BELOW_THRESHOLD
-    found = one.process(Frame(21 * S, texture(98)))
+    assert recognizer.process(Frame(20 * S, texture(99))).status is Status.BELOW_THRESHOLD
+    found = recognizer.process(Frame(21 * S, texture(98)))
     assert found.status is Status.ACCEPTED and len(found.candidates) == 1
 
 
@@ -288,29 +298,29 @@ def test_features_without_a_calibration_are_named_once(caplog):
 
 
 def test_another_traverse_of_a_camera_keeps_its_calibration_and_odometry():
-    one, camera = recognizer(), Camera(np.eye(3), np.zeros(5), False, 0.75)
-    before = one.traverse('left')
+    recognizer, camera = new_recognizer(), Camera(np.eye(3), np.zeros(5), False, 0.75)
+    before = recognizer.traverse('left')
     before.camera, before.odometry = camera, lambda stamp_ns: None
-    after = one.start_traverse('left')
+    after = recognizer.start_traverse('left')
     assert after is not before and (before.number, after.number) == (0, 1)
     assert after.camera is camera and after.odometry is before.odometry
-    other = one.start_traverse('right')
-    assert other.number == 2 and other.camera is None
+    right = recognizer.start_traverse('right')
+    assert right.number == 2 and right.camera is None
 
 
 @pytest.mark.parametrize('image', [texture(0), np.zeros((48, 64), np.uint8)])
 def test_what_is_not_new_or_has_no_features_is_not_stored(image):
-    one = recognizer()
-    assert one.store(one.observe(Frame(0, texture(0)))) == Added(0)
-    assert one.store(one.observe(Frame(S, image))) == Added()
-    assert len(one.database) == 1
+    recognizer = new_recognizer()
+    assert recognizer.store(recognizer.observe(Frame(0, texture(0)))) == Added(0)
+    assert recognizer.store(recognizer.observe(Frame(S, image))) == Added()
+    assert len(recognizer.database) == 1
 
 
 @pytest.mark.parametrize('verify', [False, True])
 def test_a_recognizer_tells_whether_it_verifies(verify):
-    one = create_recognizer(BASE.replace(extractor='gradient_grid', verify=verify))
-    assert one.verifies is verify
-    found = one._encoder.encode(texture(0))
+    recognizer = create_recognizer(BASE.replace(extractor='gradient_grid', verify=verify))
+    assert recognizer.verifies is verify
+    found = recognizer._encoder.encode(texture(0))
     assert (found.keypoints is not None) is verify
 
 
@@ -323,6 +333,6 @@ def test_half_of_the_threads_find_keypoints(threads, verify, expected):
 
 
 def test_an_image_is_encoded_without_shift():
-    shifted = recognizer(displacements_x=5, displacements_y=3).encode(texture(0))
-    alone = recognizer(displacements_x=1, displacements_y=1).encode(texture(0))
+    shifted = new_recognizer(displacements_x=5, displacements_y=3).encode(texture(0))
+    alone = new_recognizer(displacements_x=1, displacements_y=1).encode(texture(0))
     assert np.allclose(shifted, alone, atol=1e-6)

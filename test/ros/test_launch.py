@@ -24,7 +24,7 @@ def test_launch_file_describes_its_arguments():
     assert all(argument.description for argument in arguments.values())
 
 
-def test_versions_and_licence_agree():
+def test_versions_and_license_agree():
     package = ElementTree.parse(ROOT / 'package.xml').getroot()
     setup = (ROOT / 'setup.py').read_text()
     assert package.get('format') == '3'

@@ -261,13 +261,13 @@ def test_silence_is_explained(bench):
 
 
 def test_incompatible_quality_of_service_is_named(bench):
-    other = Node('other_camera')
-    other.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
+    publisher = Node('other_camera')
+    publisher.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
     bench.until(lambda: bench.node.count_publishers('/camera/image_raw') == 2)
     bench.node._input._last -= 7.0
     problem = bench.node._input.problem()
     assert 'publishers: 2; /other_camera has incompatible QoS' in problem and 'eliab' in problem
-    other.destroy_node()
+    publisher.destroy_node()
 
 
 def test_publisher_of_another_type_is_named(bench, monkeypatch):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 import signal
 import subprocess
@@ -19,19 +20,27 @@ BASE = ('--ros-args', '-p', 'extractor:=gradient_grid')
 SOON_S = 30.0
 
 
-def start(*words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, '-c', RUN, *words],
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    )
+@pytest.fixture
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Return a function that starts a node; one that is left over would disturb other tests."""
+    started = []
+
+    def run(*words: str) -> subprocess.Popen[str]:
+        command = [sys.executable, '-c', RUN, *words]
+        both = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT}
+        started.append(subprocess.Popen(command, text=True, **both))
+        return started[-1]
+
+    yield run
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 @pytest.mark.parametrize(
     'numbers', [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGINT]]
 )
-def test_ends_cleanly(numbers):
+def test_ends_cleanly(start, numbers):
     process = start(*BASE)
     assert process.stdout is not None
     uncalibrated, first = process.stdout.readline(), process.stdout.readline()
@@ -56,7 +65,7 @@ def test_ends_cleanly(numbers):
         (['-p', 'n_x:=[1'], 'n_x'),
     ],
 )
-def test_bad_start_is_one_line_and_2(words, named):
+def test_bad_start_is_one_line_and_2(start, words, named):
     process = start(*BASE, *words)
     output, _ = process.communicate(timeout=SOON_S)
     assert process.returncode == 2, output
@@ -64,7 +73,7 @@ def test_bad_start_is_one_line_and_2(words, named):
     assert output.startswith('place_recognition_node: ')
 
 
-def test_bad_parameter_file_is_one_line_and_2(tmp_path: Path):
+def test_bad_parameter_file_is_one_line_and_2(start, tmp_path: Path):
     path = tmp_path / 'p.yaml'
     path.write_text('/**:\n  ros__parameters:\n    n_x: [1\n')
     process = start(*BASE, '--params-file', str(path))
@@ -73,7 +82,7 @@ def test_bad_parameter_file_is_one_line_and_2(tmp_path: Path):
     assert len(output.strip().splitlines()) == 1
 
 
-def test_integer_serves_for_a_float():
+def test_integer_serves_for_a_float(start):
     process = start(*BASE, '-p', 'min_score:=1')
     assert process.stdout is not None
     assert any('listening' in line for line in process.stdout)

@@ -96,8 +96,8 @@ def test_one_object_elsewhere_has_no_spread():
     ],
 )
 def test_degenerate_images_are_answered(image):
-    found, other = keypoints(np.ascontiguousarray(image)), keypoints(scene(1, WIDTH))
-    for pair in ((found, other), (other, found), (found, found)):
+    found, textured = keypoints(np.ascontiguousarray(image)), keypoints(scene(1, WIDTH))
+    for pair in ((found, textured), (textured, found), (found, found)):
         assert isinstance(verify(*pair), Geometry)
 
 

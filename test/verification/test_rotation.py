@@ -54,7 +54,7 @@ def views(
     """Return points in front of a camera and of an earlier one, 1 m to the left of it."""
     scene = np.random.default_rng(0).uniform((-3, -2, 6), (3, 2, 12), (60, 3))
     query = (scene - (1, 0, 0)) @ turned(degrees)
-    both = [seen(each, distortion or [0.0] * 4, fisheye) for each in (query, scene)]
+    both = [seen(points, distortion or [0.0] * 4, fisheye) for points in (query, scene)]
     return np.stack(both, axis=1).astype(np.float32)
 
 

@@ -53,5 +53,7 @@ def test_an_image_does_not_confirm_itself():
 def test_keyframes_of_another_traverse_are_not_supported():
     support = after(10, 11, 12)
     assert support.of(13, True, lambda first, second: None) == 0.0
-    some = support.of(13, True, lambda first, second: None if second < 12 else apart(13, second))
-    assert some == 0.5
+    support_of_two = support.of(
+        13, True, lambda first, second: None if second < 12 else apart(13, second)
+    )
+    assert support_of_two == 0.5

@@ -29,15 +29,15 @@ BASE = Params(
 )
 
 
-def recognizer(**changes: object) -> PlaceRecognizer:
+def new_recognizer(**changes: object) -> PlaceRecognizer:
     params = BASE.replace(**changes)
     keypoints = create_extractor('rootsift', image_width=320, max_features=300)
     return assemble(params, CellExtractor(), keypoints if params.verify else None)
 
 
-def drive(images: Iterable[NDArray[np.uint8]], one: PlaceRecognizer) -> list[Detection]:
+def drive(images: Iterable[NDArray[np.uint8]], recognizer: PlaceRecognizer) -> list[Detection]:
     """Show images, one a second."""
-    return [one.process(Frame(index * S, image)) for index, image in enumerate(images)]
+    return [recognizer.process(Frame(index * S, image)) for index, image in enumerate(images)]
 
 
 def noise(seed: int, height: int, width: int) -> NDArray[np.float32]:
@@ -69,14 +69,14 @@ def closures(detections: list[Detection], path: list[int]) -> list[int]:
 @pytest.fixture(scope='module')
 def there_and_back() -> tuple[list[int], list[Detection]]:
     path = [*range(24), *range(23, 0, -1)]
-    return path, drive(street(path), recognizer())
+    return path, drive(street(path), new_recognizer())
 
 
-def test_the_way_back_is_recognised(there_and_back):
+def test_the_way_back_is_recognized(there_and_back):
     path, detections = there_and_back
     off = closures(detections, path)
     # Whatever SIFT a version of OpenCV has: two fifths of the views are the same.
-    assert off and all(abs(each) * STEP <= 0.6 * WIDTH for each in off)
+    assert off and all(abs(shift) * STEP <= 0.6 * WIDTH for shift in off)
     returning = detections[34:]
     assert sum(bool(found.accepted) for found in returning) >= 0.9 * len(returning)
     assert not any(found.accepted for found in detections[:24])
@@ -86,11 +86,11 @@ def test_another_place_is_held_against_the_best(there_and_back):
     found = there_and_back[1][-3]
     best, *others = found.candidates
     assert best.reason is Reason.ACCEPTED and best.accepted and best.inliers > 50
-    for other in others:
-        assert other.accepted == (other.score >= BASE.min_score)
-        assert other.accepted == (other.reason is Reason.ACCEPTED)
-        if abs(other.match_id - best.match_id) > 1:
-            assert other.score <= 1 - best.score + 1e-9
+    for candidate in others:
+        assert candidate.accepted == (candidate.score >= BASE.min_score)
+        assert candidate.accepted == (candidate.reason is Reason.ACCEPTED)
+        if abs(candidate.match_id - best.match_id) > 1:
+            assert candidate.score <= 1 - best.score + 1e-9
 
 
 def test_shift_is_where_the_scene_lies_in_the_earlier_image(there_and_back):
@@ -109,7 +109,7 @@ def test_look_alikes_are_no_closures():
         wall = 0.15 * noise(place, HEIGHT, WIDTH)
         wall[80:180, 120:200] = door
         images.append(drawn(wall))
-    detections = drive(images, recognizer())
+    detections = drive(images, new_recognizer())
     assert not any(found.accepted for found in detections)
     reasons = {found.candidates[0].reason for found in detections if found.candidates}
     assert reasons <= {
@@ -123,33 +123,35 @@ def test_look_alikes_are_no_closures():
 
 
 def test_standing_still_adds_little_and_confirms_nothing():
-    one = recognizer(verify=False)
+    recognizer = new_recognizer(verify=False)
     rng = np.random.default_rng(0)
     still = (
         (texture(7).astype(int) + rng.integers(-1, 2, (48, 64))).clip(0, 255).astype(np.uint8)
         for _ in range(600)
     )
-    detections = drive(still, one)
-    assert len(one.database) == 1
+    detections = drive(still, recognizer)
+    assert len(recognizer.database) == 1
     assert {found.status for found in detections} == {Status.DATABASE_TOO_YOUNG}
     # It drives away and comes back: that is a closure.
     path = [*range(20, 32), 7]
-    later = [one.process(Frame((600 + n) * S, texture(place))) for n, place in enumerate(path)]
+    later = [
+        recognizer.process(Frame((600 + n) * S, texture(place))) for n, place in enumerate(path)
+    ]
     assert later[-1].accepted and later[-1].accepted[0].match_id == 0
 
 
 def test_what_was_seen_just_before_a_stop_is_no_closure():
     # The views of a wall overlap: those before the stop show what is seen all the time.
-    one = recognizer()
-    detections = drive(street([*range(4), *[4] * 60]), one)
-    assert len(one.database) == 5
+    recognizer = new_recognizer()
+    detections = drive(street([*range(4), *[4] * 60]), recognizer)
+    assert len(recognizer.database) == 5
     assert not any(found.accepted for found in detections)
 
 
 def test_all_images_are_stored_if_wanted():
-    one = recognizer(verify=False, keyframe_similarity=1.0)
-    drive([texture(7)] * 20, one)
-    assert len(one.database) == 20
+    recognizer = new_recognizer(verify=False, keyframe_similarity=1.0)
+    drive([texture(7)] * 20, recognizer)
+    assert len(recognizer.database) == 20
 
 
 def test_same_input_same_output_on_any_number_of_threads():
@@ -159,7 +161,7 @@ def test_same_input_same_output_on_any_number_of_threads():
         found = []
         for threads in (1, 2, 2):
             cv2.setNumThreads(threads)
-            found.append(drive(images, recognizer(threads=threads)))
+            found.append(drive(images, new_recognizer(threads=threads)))
     finally:
         cv2.setNumThreads(before)
     assert found[0] == found[1] == found[2]
@@ -168,15 +170,18 @@ def test_same_input_same_output_on_any_number_of_threads():
 def test_images_without_keypoints_are_answered():
     flat = np.tile(np.linspace(0, 255, WIDTH).astype(np.uint8), (HEIGHT, 1))
     views = [flat, *street(range(12)), flat]
-    found = drive(views, recognizer())[-1]
+    found = drive(views, new_recognizer())[-1]
     assert found.status is Status.BELOW_THRESHOLD
     assert {candidate.inliers for candidate in found.candidates} <= {0, -1}
 
 
 def test_memory_of_a_keyframe():
-    one = recognizer(dimensions=4096, displacements_x=5, displacements_y=5)
-    drive(street(range(4)), one)
-    held = sum(one.database.get(found).keypoints.nbytes for found in one.database.ids)
-    room = one.database.nbytes - held
+    recognizer = new_recognizer(dimensions=4096, displacements_x=5, displacements_y=5)
+    drive(street(range(4)), recognizer)
+    database = recognizer.database
+    held = sum(
+        recognizer.database.get(found).keypoints.nbytes for found in recognizer.database.ids
+    )
+    room = database.nbytes - held
     assert held <= 4 * (300 * 134 + 640)
     assert held / 4 + room / 64 <= 60_000
