@@ -127,8 +127,9 @@ class MutantFinder(ast.NodeVisitor):
         self._in_function = outside
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        """Visit the body only."""
-        self._visit_all(node.body)
+        """Visit the body only; a protocol is never executed."""
+        if not any(isinstance(base, ast.Name) and base.id == 'Protocol' for base in node.bases):
+            self._visit_all(node.body)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         """Visit the value, without the type hint."""

@@ -3,7 +3,7 @@
 """Two stages against the exact search, and the signs that they go by."""
 
 from hdc_place_recognition.database import memory, search, sign_index
-from hdc_place_recognition.database.base import Keyframe, Query, SearchResult
+from hdc_place_recognition.database.base import Background, Keyframe, Query, SearchResult
 from hdc_place_recognition.database.memory import MemoryDatabase
 from hdc_place_recognition.database.sign_index import SignIndex
 from hdc_place_recognition.database.vector_store import VectorStore
@@ -216,3 +216,8 @@ def test_a_query_is_known_by_its_middle_vector():
     assert Query(0, vectors).unshifted.tolist() == [4, 5] and not Query(0, vectors).empty
     assert Query(0, vectors[:1]).unshifted.tolist() == [0, 1]
     assert Query(0, np.zeros((3, 2), np.float32)).empty
+
+
+def test_background_of_nothing_is_zero():
+    assert Background.of(np.empty(0, np.float32)) == Background(0, 0.0, 0.0)
+    assert Background.of(np.array([1, 2, 6], np.float32)) == Background(3, 2.0, 1.0)
