@@ -131,7 +131,7 @@ def test_matches_are_of_different_places_best_first(create):
     assert len(found.matches) == 5
     similarities = [match.similarity for match in found.matches]
     assert similarities == sorted(similarities, reverse=True)
-    assert similarities[0] == found.similarities.max()
+    assert np.float32(similarities[0]) == found.similarities.max()
     assert np.diff(sorted(ids(found.matches))).min() > 3
 
 

@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is particular to the database in memory: growth, means in any order, bytes."""
 
+from hdc_place_recognition.database import memory
 from hdc_place_recognition.database.base import Keyframe, Query
 from hdc_place_recognition.database.eviction import Capacity
 from hdc_place_recognition.database.memory import MemoryDatabase
 from hdc_place_recognition.database.vector_store import VectorStore
+from hdc_place_recognition.features.compact import CompactKeypoints
 from hdc_place_recognition.hdc.algebra import normalize
 import numpy as np
 from numpy.typing import NDArray
@@ -92,3 +94,93 @@ def test_two_traverses_do_not_disturb_each_other():
         near = mixed.neighbors(keyframe_id)
         assert near and all(found % 2 == keyframe_id % 2 for found in near)
         assert all(mixed.distance(keyframe_id, found) == 1 for found in near)
+
+
+def test_signs_are_taken_again_two_at_a_time():
+    # The first images are -1, so that their mean falls from 0 on; sign 1 is above the mean.
+    database = MemoryDatabase(VectorStore(64), 1, True)
+    written = []
+    update = database._store.update_signs
+
+    def note(slot: int, threshold: NDArray[np.float32], count: int = 1) -> None:
+        written.append((slot, count, float(threshold[0])))
+        update(slot, threshold, count)
+
+    database._store.update_signs = note
+    for number in range(6):
+        vectors = np.full((1, 64), number, np.float32)
+        database.update_mean(Query(number, vectors))
+        add(database, number, vectors)
+    # The new row, then two older ones, each against the mean of all images so far.
+    assert [call[0] for call in written] == [0, 0, 1, 0, 2, 2, 3, 0, 4, 2, 5, 4]
+    assert [call[1] for call in written] == [1, 2] * 6
+    assert [call[2] for call in written] == [0, 0, 0.5, 0.5, 1, 1, 1.5, 1.5, 2, 2, 2.5, 2.5]
+
+
+def test_two_stages_begin_at_a_number_of_keyframes(monkeypatch):
+    called = []
+    for name in ('search_all', 'search_in_two_stages'):
+        function = getattr(memory, name)
+        monkeypatch.setattr(
+            memory, name, lambda *given, to=function: (called.append(to.__name__), to(*given))[1]
+        )
+    monkeypatch.setattr(memory, 'TWO_STAGES_FROM', 8)
+    vectors = images(9)
+    database = filled(vectors)
+    for skip_newest, exact in ((2, False), (1, False), (0, False), (0, True)):
+        database.search(Query(0, vectors[0]), 1, skip_newest=skip_newest, exact=exact)
+    two = 'search_in_two_stages'
+    assert called == ['search_all', two, two, 'search_all']
+
+
+def test_a_place_is_three_keyframes_before_and_after():
+    database = MemoryDatabase(VectorStore(64), 1, False)
+    for number in range(12):
+        # Least alike to the query at both ends.
+        vectors = np.zeros((1, 64), np.float32)
+        vectors[0, :2] = 1, 1 + abs(number - 5)
+        add(database, number, vectors)
+    query = Query(0, np.eye(1, 64, dtype=np.float32))
+    found = database.search(query, 5).matches
+    assert [match.keyframe_id for match in found] == [5, 1, 9]
+    found = database.search(query, 5, without=5).matches
+    assert [match.keyframe_id for match in found] == [4, 8, 0]
+    assert len(database.search(query, 2).matches) == 2
+    assert database.search(query, 0).matches == ()
+
+
+def test_edges_of_a_traverse_of_eight():
+    database = filled(images(9))
+    for skip_newest, edge in ((0, [0, 1, 7, 8]), (1, [0, 1, 6, 7]), (2, [])):
+        query = Query(0, images(1)[0])
+        others = database.search(query, 0, also=range(9), skip_newest=skip_newest).others
+        assert [found for found in others if others[found].at_edge] == edge
+
+
+def test_bytes_are_counted_with_keypoints_and_evictions():
+    kept = CompactKeypoints(
+        np.ones((2, 2), np.uint16), *(np.ones(2, np.uint8),) * 2, np.ones((2, 8), np.uint8), 1.0
+    )
+    database = MemoryDatabase(VectorStore(64), 1, False, capacity=Capacity(9))
+    row = 4 * 64 + 8 + 8 + 6 * 8 + 3 * 8
+    vector = np.ones(64, np.float32)
+    assert database.nbytes == 0
+    for number, keypoints in enumerate((kept, None, kept)):
+        database.add(Keyframe(number, number, vector, keypoints))
+    assert database.nbytes == 3 * row + 2 * kept.nbytes
+    database._evict(2)
+    assert database.nbytes == 2 * row + kept.nbytes
+    database._evict(1)
+    assert database.nbytes == row + kept.nbytes
+
+
+def test_a_twin_is_the_row_of_its_id():
+    database = MemoryDatabase(VectorStore(64), 1, False, capacity=Capacity(4))
+    eye = np.eye(5, 64, dtype=np.float32)
+    for number in range(4):
+        database.add(Keyframe(number, number, eye[number]))
+    # Like 1 and unlike its neighbor 3: evicted as the twin of the former.
+    view = normalize(eye[1] + 0.5 * eye[4])
+    assert database.add(Keyframe(4, 4, view, twin=1)).evicted == (4,)
+    assert database.add(Keyframe(5, 5, view, twin=None)).evicted == (5,)
+    assert database.ids == (0, 1, 2, 3)

@@ -4,11 +4,14 @@
 
 from conftest import CellExtractor, texture
 import cv2
+from hdc_place_recognition.camera import Camera
+from hdc_place_recognition.database.base import Added
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import (
     assemble,
     create_recognizer,
+    library_threads,
     use_threads,
 )
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
@@ -292,3 +295,44 @@ def test_features_without_a_calibration_are_named_once(caplog):
     drive([0, 1, 2])
     (line,) = [record.getMessage() for record in caplog.records]
     assert line.startswith('the score is not calibrated for the features "cells"')
+
+
+def test_another_traverse_of_a_camera_keeps_its_calibration_and_odometry():
+    recognizer, camera = new_recognizer(), Camera(np.eye(3), np.zeros(5), False, 0.75)
+    before = recognizer.traverse('left')
+    before.camera, before.odometry = camera, lambda stamp_ns: None
+    after = recognizer.start_traverse('left')
+    assert after is not before and (before.number, after.number) == (0, 1)
+    assert after.camera is camera and after.odometry is before.odometry
+    right = recognizer.start_traverse('right')
+    assert right.number == 2 and right.camera is None
+
+
+@pytest.mark.parametrize('image', [texture(0), np.zeros((48, 64), np.uint8)])
+def test_what_is_not_new_or_has_no_features_is_not_stored(image):
+    recognizer = new_recognizer()
+    assert recognizer.store(recognizer.observe(Frame(0, texture(0)))) == Added(0)
+    assert recognizer.store(recognizer.observe(Frame(S, image))) == Added()
+    assert len(recognizer.database) == 1
+
+
+@pytest.mark.parametrize('verify', [False, True])
+def test_a_recognizer_tells_whether_it_verifies(verify):
+    recognizer = create_recognizer(BASE.replace(extractor='gradient_grid', verify=verify))
+    assert recognizer.verifies is verify
+    found = recognizer._encoder.encode(texture(0))
+    assert (found.keypoints is not None) is verify
+
+
+@pytest.mark.parametrize(
+    ('threads', 'verify', 'expected'),
+    [(1, True, 1), (2, True, 1), (4, True, 2), (5, True, 2), (4, False, 4), (1, False, 1)],
+)
+def test_half_of_the_threads_find_keypoints(threads, verify, expected):
+    assert library_threads(BASE.replace(threads=threads, verify=verify)) == expected
+
+
+def test_an_image_is_encoded_without_shift():
+    shifted = new_recognizer(displacements_x=5, displacements_y=3).encode(texture(0))
+    alone = new_recognizer(displacements_x=1, displacements_y=1).encode(texture(0))
+    assert np.allclose(shifted, alone, atol=1e-6)

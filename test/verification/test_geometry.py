@@ -3,13 +3,19 @@
 """Geometry of two views: scenes of known depth, and those that only look alike."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import cv2
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.compact import CompactKeypoints, quantize
 from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.features.registry import create_extractor
-from hdc_place_recognition.verification.geometry import Geometry, match, verify_geometry
+from hdc_place_recognition.verification.geometry import (
+    _spread,
+    Geometry,
+    match,
+    verify_geometry,
+)
 from hdc_place_recognition.verification.settings import VerificationSettings
 import numpy as np
 from numpy.typing import NDArray
@@ -150,3 +156,101 @@ def test_landmarks_need_sizes_and_angles():
     features = LocalFeatures(np.zeros((1, 2), np.float32), np.zeros((1, 8), np.float32), 4, 4)
     with pytest.raises(PlaceRecognitionError, match='rootsift'):
         quantize(features)
+
+
+# By hand: each keypoint has a descriptor of its own
+
+
+def compact(
+    points: list[tuple[float, float]], log_size: int = 0, angle: int = 0
+) -> CompactKeypoints:
+    """Return keypoints at shares of a square image, the same ones in the same order."""
+    count = len(points)
+    return CompactKeypoints(
+        np.rint(np.array(points) * 65535).astype(np.uint16),
+        np.full(count, log_size, np.uint8),
+        np.full(count, angle, np.uint8),
+        np.eye(count, 128, dtype=np.uint8) * 200,
+        1.0,
+    )
+
+
+SQUARE = [(0.2, 0.2), (0.4, 0.2), (0.2, 0.4), (0.4, 0.4)]
+
+
+def test_four_matches_vote_and_three_do_not():
+    right = [(x + 0.3, y - 0.1) for x, y in SQUARE]
+    geometry = verify(compact(SQUARE), compact(right))
+    # Too few for a fundamental matrix.
+    assert (geometry.votes, geometry.inliers, geometry.spread) == (4, 0, 0)
+    assert (geometry.shift_x, geometry.shift_y) == pytest.approx((0.3, -0.1), abs=1e-4)
+    assert geometry.pairs.shape == (0, 2, 2) and geometry.strength == 0
+    assert verify(compact(SQUARE[:3]), compact(right[:3])) == Geometry()
+
+
+def test_sizes_and_orientations_propose_a_transform():
+    # Twice as large and turned by a quarter: x, y become -2 y, 2 x.
+    turned = [(0.9 - 2 * y, 2 * x - 0.3) for x, y in SQUARE]
+    assert verify(compact(SQUARE), compact(turned, 32, 64)).votes == 4
+    assert verify(compact(turned, 32, 64), compact(SQUARE)).votes == 4
+    # Neither alone fits; each point then agrees with itself only.
+    assert verify(compact(SQUARE), compact(turned, 32, 0)).votes == 1
+    assert verify(compact(SQUARE), compact(turned, 0, 64)).votes == 1
+
+
+def test_a_match_agrees_within_the_tolerance():
+    for off, votes in ((0.05, 5), (0.07, 4)):
+        moved = [*SQUARE, (0.3 + off, 0.3)]
+        geometry = verify(compact([*SQUARE, (0.3, 0.3)]), compact(moved))
+        assert geometry.votes == votes
+    # The shift is that of the matches that agree.
+    assert geometry.shift_x == 0
+
+
+def test_enough_matches_have_a_fundamental_matrix():
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0.05, 0.9, (30, 2))
+    # Two planes: those further down are nearer, and move by more.
+    moved = points + np.where(points[:, 1:] > 0.5, [0.08, 0], [0.04, 0])
+    query, keyframe = compact(points), compact(moved)
+    few, enough = (
+        verify_geometry(query, keyframe, replace(SETTINGS, least_epipolar=count))
+        for count in (31, 30)
+    )
+    assert few.inliers == 0 and enough.inliers > 25
+    assert len(enough.pairs) == enough.inliers
+    at, to = enough.pairs[:, 0], enough.pairs[:, 1]
+    expected = at + np.where(at[:, 1:] > 0.5, [0.08, 0], [0.04, 0])
+    assert to == pytest.approx(expected, abs=1e-4)
+
+
+def test_spread_is_that_of_the_image_with_fewer_cells():
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0.01, 0.9, (60, 2))
+    moved = points + np.where(points[:, 1:] > 0.5, [0.08, 0], [0.04, 0])
+    # All in the upper left quarter: four cells of sixteen.
+    small = moved / 2
+    assert verify(compact(points), compact(small)).spread == 4
+    assert verify(compact(small), compact(points)).spread == 4
+    assert verify(compact(points), compact(moved)).spread > 12
+
+
+def test_cells_begin_at_quarters():
+    positions = np.array([[0, 0], [16383, 0], [16384, 0], [0, 49152], [65535, 65535]], np.uint16)
+    assert _spread(positions) == 4 and _spread(positions[:2]) == 1
+    assert _spread(np.array([[0, 16384], [16384, 0]], np.uint16)) == 2
+
+
+def test_a_match_is_nearer_than_a_share_of_the_second():
+    keyframe = np.array([[0], [10]], np.uint8)
+    # Distances 3 and 7, 4 and 6; of the others half of the second is just not more.
+    for value, found in ((3, 1), (4, 0)):
+        query = np.array([[value], [200]], np.uint8)
+        assert len(match(query, keyframe, 0.5)) == found
+    twice = np.array([[0], [15]], np.uint8)
+    assert len(match(np.array([[5], [200]], np.uint8), twice, 0.5)) == 0
+    assert match(np.array([[5], [200]], np.uint8), twice, 0.6).tolist() == [[0, 0]]
+
+
+def test_strength_is_the_geometric_mean():
+    assert Geometry(votes=4, inliers=9).strength == 6
