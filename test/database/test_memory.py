@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is particular to the database in memory: growth, means in any order, bytes."""
 
-from hdc_place_recognition.database import memory
+from hdc_place_recognition.database import memory, search
 from hdc_place_recognition.database.base import Keyframe, Query
 from hdc_place_recognition.database.eviction import Capacity
 from hdc_place_recognition.database.memory import MemoryDatabase
@@ -91,7 +91,7 @@ def test_two_traverses_do_not_disturb_each_other():
         keyframe = Keyframe(number, number, image[1], traverse=number % 2)
         mixed.add(keyframe)
     for keyframe_id in mixed.ids:
-        near = mixed.neighbors(keyframe_id)
+        near = mixed.near(keyframe_id, 1)
         assert near and all(found % 2 == keyframe_id % 2 for found in near)
         assert all(mixed.distance(keyframe_id, found) == 1 for found in near)
 
@@ -135,34 +135,26 @@ def test_two_stages_begin_at_a_number_of_keyframes(monkeypatch):
 
 def test_a_place_is_three_keyframes_before_and_after():
     database = MemoryDatabase(VectorStore(64), 1, False)
-    for number in range(12):
-        # Least alike to the query at both ends.
+    for number in range(32):
+        # Least alike to the query at both ends of the first twelve, and unlike the others.
         vectors = np.zeros((1, 64), np.float32)
-        vectors[0, :2] = 1, 1 + abs(number - 5)
+        vectors[0, :2] = number < 12, 1 + abs(number - 5)
         add(database, number, vectors)
     query = Query(0, np.eye(1, 64, dtype=np.float32))
-    found = database.search(query, 5).matches
+    found = database.search(query, 3).matches
     assert [match.keyframe_id for match in found] == [5, 1, 9]
-    found = database.search(query, 5, without=5).matches
+    found = database.search(query, 3, without=5).matches
     assert [match.keyframe_id for match in found] == [4, 8, 0]
     assert len(database.search(query, 2).matches) == 2
     assert database.search(query, 0).matches == ()
 
 
-def test_edges_of_a_traverse_of_eight():
-    database = filled(images(9))
-    for skip_newest, edge in ((0, [0, 1, 7, 8]), (1, [0, 1, 6, 7]), (2, [])):
-        query = Query(0, images(1)[0])
-        others = database.search(query, 0, also=range(9), skip_newest=skip_newest).others
-        assert [found for found in others if others[found].at_edge] == edge
-
-
 def test_bytes_are_counted_with_keypoints_and_evictions():
     kept = CompactKeypoints(
-        np.ones((2, 2), np.uint16), *(np.ones(2, np.uint8),) * 2, np.ones((2, 8), np.uint8), 1.0
+        np.ones((2, 2), np.uint16), *(np.ones(2, np.uint8),) * 2, np.ones((2, 4), np.uint8), 1.0
     )
     database = MemoryDatabase(VectorStore(64), 1, False, capacity=Capacity(9))
-    row = 4 * 64 + 8 + 8 + 6 * 8 + 3 * 8
+    row = 4 * 64 + 8 + 8 + 60 + 3 * 8
     vector = np.ones(64, np.float32)
     assert database.nbytes == 0
     for number, keypoints in enumerate((kept, None, kept)):
@@ -184,3 +176,40 @@ def test_a_twin_is_the_row_of_its_id():
     assert database.add(Keyframe(4, 4, view, twin=1)).evicted == (4,)
     assert database.add(Keyframe(5, 5, view, twin=None)).evicted == (5,)
     assert database.ids == (0, 1, 2, 3)
+
+
+def test_words_are_kept_in_the_index_and_go_with_their_keyframe():
+    database = MemoryDatabase(VectorStore(64), 1, False, capacity=Capacity(3))
+    eye, plain = np.eye(5, 64, dtype=np.float32), MemoryDatabase(VectorStore(64), 1, False)
+    for number in range(3):
+        words = np.arange(10 * number, 10 * number + 10, dtype=np.int32)
+        database.add(Keyframe(number, number, eye[number], words=words))
+        plain.add(Keyframe(number, number, eye[number]))
+    assert database.get(1).words is None and database.nbytes > plain.nbytes
+    query = Query(0, eye[4][None], words=np.arange(10, 20, dtype=np.int32))
+    assert database.search(query, 1).matches[0].keyframe_id == 1
+    database._evict(1)
+    found = database.search(query, 2)
+    assert not found.similarities.any() and {match.keyframe_id for match in found.by_words} <= {
+        0,
+        2,
+    }
+    assert len(database._words) == 2
+
+
+def test_two_stages_compare_what_words_put_first(monkeypatch):
+    for name, value in {'_NEAREST': 1, '_SPACED': 1, '_BEST': 0}.items():
+        monkeypatch.setattr(search, name, value)
+    monkeypatch.setattr(memory, 'TWO_STAGES_FROM', 8)
+    monkeypatch.setattr(memory, '_COMPARED_BY_WORDS', 1)
+    vectors = images(60, shifts=1)
+    database = MemoryDatabase(VectorStore(64), 1, False)
+    for number, image in enumerate(vectors):
+        words = np.arange(10 * number, 10 * number + 15, dtype=np.int32)
+        database.add(Keyframe(number, number, image[0], words=words))
+    query = Query(0, vectors[7], words=np.arange(400, 415, dtype=np.int32))
+    found, exact = (database.search(query, 1, exact=exact) for exact in (False, True))
+    assert found.by_words[0].keyframe_id == 40
+    for keyframe_id in (7, 40):
+        similarity = exact.find(keyframe_id).similarity
+        assert found.find(keyframe_id).similarity == pytest.approx(similarity, abs=1e-6)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 import pytest
 
+NONE = np.empty(0, np.intp)
 # Signs in which each row differs from the query, of 64.
 DIFFERING = [40, 28, 26, 24, 2, 22, 20, 4, 18, 5, 3, 14]
 
@@ -53,7 +54,7 @@ def test_nearest_spaced_and_adjacent_rows_are_compared(monkeypatch, moved):
     monkeypatch.setattr(search, '_SPACED', 3)
     monkeypatch.setattr(search, '_BEST', 1)
     store, order = stored([row(differing) for differing in DIFFERING], moved)
-    found = search_in_two_stages(store, order, 12, query(64, 3), ((1,),))
+    found = search_in_two_stages(store, order, 12, query(64, 3), ((1,),), NONE)
     expected = [estimate(differing) for differing in DIFFERING]
     # The nearest: 4, 10, 7. Evenly spaced: 0, 5, 11. Beside the best one: 3 (and 5).
     for index in (3, 4, 5, 7, 10, 11):
@@ -75,15 +76,27 @@ def test_rows_beside_the_best_at_an_end(monkeypatch, best):
     differing = [20] * 12
     differing[best] = 1
     store, order = stored([row(number) for number in differing], False)
-    found = search_in_two_stages(store, order, 12, query(64), ((0,),))
+    found = search_in_two_stages(store, order, 12, query(64), ((0,),), NONE)
     compared = np.flatnonzero(np.isclose(found.values, [exact(number) for number in differing]))
     # Row 0 is the only evenly spaced one.
     assert compared.tolist() == ([0, 1] if best == 0 else [0, 10, 11])
 
 
+def test_rows_that_are_asked_for_are_compared_too(monkeypatch):
+    for name in ('_NEAREST', '_SPACED', '_BEST'):
+        monkeypatch.setattr(search, name, 1)
+    store, order = stored([row(differing) for differing in DIFFERING], False)
+    found = search_in_two_stages(store, order, 12, query(64), ((0,),), np.array([2, 9]))
+    compared = np.isclose(found.values, [exact(differing) for differing in DIFFERING])
+    # Row 0 is evenly spaced; 3 and 5 are beside 4, the nearest.
+    assert np.flatnonzero(compared).tolist() == [0, 2, 3, 4, 5, 9]
+    # They are no sample of all rows.
+    assert found.sample == pytest.approx([exact(40)])
+
+
 def test_only_a_prefix_is_searched():
     store, order = stored([row(differing) for differing in DIFFERING], True)
-    found = search_in_two_stages(store, order, 4, query(64), ((0,),))
+    found = search_in_two_stages(store, order, 4, query(64), ((0,),), NONE)
     assert found.values == pytest.approx([exact(differing) for differing in DIFFERING[:4]])
 
 
@@ -96,7 +109,7 @@ def test_coarse_signs_choose_which_rows_all_signs_are_compared_of(monkeypatch):
     coarse = [32, 30, 9, 28, 6, 26, 7, 24, 8, 22, 20, 18]
     rest = [10, 0, 0, 10, 20, 10, 12, 10, 30, 10, 10, 10]
     store, order = stored([row(*pair) for pair in zip(coarse, rest, strict=True)], True)
-    found = search_in_two_stages(store, order, 12, query(128), ((0,),))
+    found = search_in_two_stages(store, order, 12, query(128), ((0,),), NONE)
     expected = [estimate(differing) for differing in coarse]
     # A third of 12 rows: 2, 4, 6, 8 have the nearest coarse signs; of these 2 and 6 are nearest.
     expected[4], expected[8] = estimate(26, 128), estimate(38, 128)
@@ -114,7 +127,7 @@ def test_at_least_some_rows_are_compared_by_all_signs(monkeypatch):
     monkeypatch.setattr(sign_index, '_COARSE_WORDS', 1)
     pairs = [(20, 0), *[(30, 0)] * 9, (4, 40), (6, 1)]
     store, order = stored([row(*pair) for pair in pairs], False)
-    found = search_in_two_stages(store, order, 12, query(128), ((0,),))
+    found = search_in_two_stages(store, order, 12, query(128), ((0,),), NONE)
     assert found.values[[10, 11]] == pytest.approx([exact(44, 128), exact(7, 128)])
 
 
@@ -126,7 +139,7 @@ def test_all_signs_are_compared_up_to_a_number_of_rows(monkeypatch):
     monkeypatch.setattr(sign_index, '_COARSE_WORDS', 1)
     # By the coarse signs row 1 is nearest, by all signs row 2 is.
     store, order = stored([row(20, 20), row(4, 40), row(6, 1)], False)
-    found = search_in_two_stages(store, order, 3, query(128), ((0,),))
+    found = search_in_two_stages(store, order, 3, query(128), ((0,),), NONE)
     assert found.values[2] == pytest.approx(exact(7, 128))
 
 

@@ -57,8 +57,8 @@ def swept(index: WordIndex) -> None:
 
 def entries(index: WordIndex, word: int) -> list[int]:
     """Return the slots with keyframes in the list of a word."""
-    start, count = index._start[word], index._count[word]
-    return [slot for slot in index._pool[start : start + count] if index._inverse_length[slot]]
+    found, _ = index._entries(np.array([word]))
+    return [slot for slot in found.tolist() if index._inverse_length[slot]]
 
 
 def test_a_word_of_one_keyframe_weighs_one_and_of_all_nothing():

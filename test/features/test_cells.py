@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hdc_place_recognition.features.cells import as_grid, CellEncoder, Cells, compare, UnitCells
+from hdc_place_recognition.features.cells import as_grid, CellEncoder, compare, UnitCells
 from hdc_place_recognition.features.local_features import LocalFeatures
 import numpy as np
 import pytest
@@ -53,7 +53,8 @@ def test_the_same_image_is_most_similar_and_not_displaced() -> None:
 @pytest.mark.parametrize(('x', 'y'), [(3, 0), (-4, 1), (0, -2), (6, 3)])
 def test_a_displaced_view_is_found_with_its_displacement(x: int, y: int) -> None:
     world = scene(0, 30, 40)
-    here, there = world[10:20, 12:26], world[10 - y : 20 - y, 12 - x : 26 - x]
+    here = world[10:20, 12:26]
+    there = np.roll(world, (y, x), axis=(0, 1))[10:20, 12:26]
     match = compare(unit(here), unit(there))
     other = compare(unit(here), unit(scene(9)))
     assert abs(match.shift_x - x) <= 1
@@ -115,9 +116,8 @@ def test_static_cells_are_learnt_and_do_not_count() -> None:
 
 
 def with_bumper(grid: np.ndarray, bumper: np.ndarray) -> np.ndarray:
-    grid = grid.copy()
-    grid[-len(bumper) :] = bumper + 0.1 * grid[-len(bumper) :]
-    return grid
+    upper, lower = np.split(grid, [len(grid) - len(bumper)])
+    return np.concatenate([upper, bumper + 0.1 * lower])
 
 
 def test_nothing_is_static_before_enough_images_or_when_most_of_it_is() -> None:
@@ -130,15 +130,45 @@ def test_nothing_is_static_before_enough_images_or_when_most_of_it_is() -> None:
     assert not encoder.static((10, 14, CHANNELS)).any()
 
 
-def test_another_grid_shape_starts_the_mean_again() -> None:
-    encoder = CellEncoder()
+def test_means_are_resampled_to_another_grid() -> None:
+    """What images share is known in another grid too; so is the bumper."""
+    encoder, common = CellEncoder(), np.zeros((10, 14, CHANNELS), np.float32)
+    common[:, :7] = 3 * scene(100)[0, 0]
+    bumper = scene(101)[9:]
+    for seed in range(40):
+        encoder.update(with_bumper(common + scene(seed), bumper))
+    half = (5, 7, CHANNELS)
+    assert not encoder.static(half).any()
+    encoder.update((common + scene(40))[::2, ::2])
+    assert encoder.static(half).shape == (35,)
+    grids = [(common + scene(seed))[::2, ::2] for seed in (50, 51)]
+    known, fresh = (
+        compare(*(source.encode(grid).unpack() for grid in grids)).similarity
+        for source in (encoder, CellEncoder())
+    )
+    assert known < 0.6 * fresh
+
+
+def test_a_larger_grid_knows_what_is_static() -> None:
+    encoder, bumper = CellEncoder(), scene(100)[7:]
+    for seed in range(30):
+        encoder.update(with_bumper(scene(seed), bumper))
+    twice = scene(31).repeat(2, axis=0).repeat(2, axis=1)
+    twice[14:] = bumper.repeat(2, axis=0).repeat(2, axis=1)
+    encoder.update(twice)
+    static = encoder.static((20, 28, CHANNELS)).reshape(20, 28)
+    assert static[16:].all() and not static[:12].any()
+
+
+def test_other_features_start_the_mean_again() -> None:
+    encoder, fresh = CellEncoder(), CellEncoder()
     for seed in range(30):
         encoder.update(scene(seed))
-    assert isinstance(encoder.encode(scene(0, 6, 6)), Cells)
-    encoder.update(scene(0, 6, 6))
-    fresh = CellEncoder()
-    fresh.update(scene(0, 6, 6))
-    assert np.array_equal(encoder.encode(scene(1, 6, 6)).codes, fresh.encode(scene(1, 6, 6)).codes)
+    grid, few = scene(1)[..., :30], scene(2)[..., :30]
+    assert np.array_equal(encoder.encode(grid).codes, fresh.encode(grid).codes)
+    for source in (encoder, fresh):
+        source.update(few)
+    assert np.array_equal(encoder.encode(grid).codes, fresh.encode(grid).codes)
 
 
 def test_features_on_a_grid_are_reshaped_and_others_are_not() -> None:

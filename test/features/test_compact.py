@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keypoints in compact form: the numbers of a few keypoints, by hand."""
 
-from hdc_place_recognition.features.compact import CompactKeypoints, quantize
+from hdc_place_recognition.features.compact import CompactKeypoints, pack, quantize
 from hdc_place_recognition.features.local_features import LocalFeatures
 import numpy as np
 import pytest
 
 FEATURES = LocalFeatures(
     keypoints=np.array([[-0.5, -0.5], [159.5, 59.5], [319.5, 239.5], [400, -9]], np.float32),
-    descriptors=np.array([[0, 1], [0.5, 0.2], [-1, 2], [0.001, 0.003]], np.float32),
+    descriptors=np.array([[0, 0.4], [0.2, 0.08], [-1, 2], [0.013, 0.0134]], np.float32),
     width=320,
     height=240,
     sizes=np.array([1, 2, 320, 0.5], np.float32),
@@ -38,8 +38,20 @@ def test_a_full_turn_has_256_steps():
     assert found.angles.dtype == np.uint8
 
 
-def test_descriptors_have_255_levels():
-    assert quantize(FEATURES).descriptors.tolist() == [[0, 255], [128, 51], [0, 255], [0, 1]]
+def test_descriptors_have_16_levels_up_to_04():
+    found = quantize(FEATURES)
+    # Half of 15 is rounded to the even number.
+    assert found.descriptors.tolist() == [[0, 15], [8, 3], [0, 15], [0, 1]]
+    assert found.descriptors.dtype == np.uint8 and found.unit == 37.5
+
+
+def test_two_numbers_are_packed_in_a_byte():
+    assert quantize(FEATURES).packed.tolist() == [[15], [0x83], [15], [1]]
+    numbers = np.random.default_rng(0).integers(0, 16, (5, 128))
+    found = CompactKeypoints(*(np.empty((5, 2), np.uint8),) * 3, pack(numbers), 1.0)
+    assert np.array_equal(found.descriptors, numbers)
+    assert pack(np.array([[-3, 99]])).tolist() == [[15]]
+    assert pack(np.empty((0, 128))).shape == (0, 64)
 
 
 def test_points_are_in_widths():
@@ -61,6 +73,6 @@ def test_frames_are_sizes_and_orientations():
 
 def test_bytes_are_those_of_the_arrays_and_the_object():
     found = quantize(FEATURES)
-    assert len(found) == 4 and found.nbytes == 640 + 4 * (2 * 2 + 1 + 1 + 2)
+    assert len(found) == 4 and found.nbytes == 640 + 4 * (2 * 2 + 1 + 1 + 1)
     empty = CompactKeypoints(*(np.empty((0, 2), np.uint8),) * 4, 1.0)
     assert len(empty) == 0 and empty.nbytes == 640
