@@ -34,7 +34,8 @@ class PlaceLinks:
         """
         for left in {a, self._first.get(a, a)}:
             for right in {b, self._first.get(b, b)}:
-                apart = distance(left, right)
+                # The first keyframe of both may be evicted: then its distances are unknown.
+                apart = 0 if left == right else distance(left, right)
                 if apart is not None and apart <= self._elsewhere:
                     return False
         return True
