@@ -134,8 +134,8 @@ class WordIndex:
         if self._free_slots:
             return self._free_slots.pop()
         if self._slots == len(self._inverse_length):
-            self._inverse_length = np.concatenate([self._inverse_length] * 2)
-            self._inverse_length[len(self._inverse_length) // 2 :] = 0
+            empty = np.zeros_like(self._inverse_length)
+            self._inverse_length = np.concatenate([self._inverse_length, empty])
         self._slots += 1
         return self._slots - 1
 

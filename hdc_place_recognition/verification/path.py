@@ -163,7 +163,7 @@ class PathFilter:
                 break
             ahead = row + (1 if self._odds[_FORWARD, row] >= self._odds[_BACKWARD, row] else -1)
             rows += [near for near in (ahead - 1, ahead, ahead + 1) if near not in rows]
-            left[max(row - _PLACE - 1, 0) : row + _PLACE + 2] = _NEVER
+            left[slice(max(row - _PLACE - 1, 0), row + _PLACE + 2)] = _NEVER
         return [int(ids[row]) for row in rows if 0 <= row < len(ids)]
 
     def push(
@@ -250,7 +250,7 @@ class PathFilter:
         log_odds = float(self._odds[_FORWARD, here].max())
         far = self._settings.elsewhere
         others = self._odds.copy()
-        others[_FORWARD, max(row - far, 0) : row + far + 1] = _NEVER
+        others[_FORWARD, slice(max(row - far, 0), row + far + 1)] = _NEVER
         rival = float(others.max())
         probability = 1 / (1 + np.exp(-log_odds) + np.exp(rival - log_odds))
         return PathMatch(keyframe_id, float(probability) if supported else 0.0, log_odds, rival)
