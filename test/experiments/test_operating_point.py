@@ -34,6 +34,7 @@ def test_score_ranks_best_matches_better_than_similarity(shared_data):
     params = Params(extractor='gradient_grid', dimensions=1024).replace(**dataset.overrides)
     verified = evaluate(dataset, create_recognizer(params)).scores
     unverified = evaluate(dataset, create_recognizer(params.replace(verify=False))).scores
-    assert verified.ranking.average_precision == unverified.ranking.average_precision
+    # Words of keypoints find what the vector does not.
+    assert verified.ranking.average_precision > unverified.ranking.average_precision
     assert verified.ranking.recall_at_full_precision > unverified.ranking.recall_at_full_precision
     assert verified.ranking.recall_at_full_precision >= verified.closures.recall
