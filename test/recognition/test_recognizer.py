@@ -209,7 +209,7 @@ def test_two_traverses_run_side_by_side():
             is not None
         )
     assert both.traverse('left').filter.clock_ns == alone.traverse().filter.clock_ns
-    assert both.database.neighbors(4) == (2, 6) and both.database.distance(4, 5) is None
+    assert both.database.near(4, 1) == (2, 6) and both.database.distance(4, 5) is None
 
 
 def test_a_stamp_of_a_camera_is_not_that_of_another():
