@@ -7,6 +7,8 @@ import cv2
 from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.database.base import Added
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.registry import create_extractor
+from hdc_place_recognition.hdc.words import KEYPOINTS
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import (
     assemble,
@@ -16,6 +18,7 @@ from hdc_place_recognition.recognition.factory import (
 )
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
 from hdc_place_recognition.results import Detection, Frame, NOT_VERIFIED, Status
+from hdc_place_recognition.verification.static_content import StaticContent
 import numpy as np
 import pytest
 import threadpoolctl
@@ -336,3 +339,20 @@ def test_an_image_is_encoded_without_shift():
     shifted = new_recognizer(displacements_x=5, displacements_y=3).encode(texture(0))
     alone = new_recognizer(displacements_x=1, displacements_y=1).encode(texture(0))
     assert np.allclose(shifted, alone, atol=1e-6)
+
+
+def test_static_content_is_counted_of_what_is_stored(monkeypatch):
+    """Not of what was observed last: some evaluations observe all images before they store one."""
+    keypoints = create_extractor('rootsift', image_width=320, max_features=300)
+    recognizer, counted = assemble(BASE, CellExtractor(), keypoints), []
+    monkeypatch.setattr(StaticContent, 'count', lambda content, codes: counted.append(codes))
+    images = [cv2.resize(texture(place), (320, 240)) for place in range(3)]
+    observed = [recognizer.observe(Frame(n * S, image)) for n, image in enumerate(images)]
+    for observation in observed:
+        recognizer.store(observation)
+    assert len(counted) == 3
+    for codes, observation in zip(counted, observed, strict=True):
+        found = observation.query.keypoints
+        symbols = recognizer._encoder.hasher.symbols(found.descriptors[:KEYPOINTS])
+        expected = StaticContent().codes(symbols, found.points[:KEYPOINTS])
+        assert np.array_equal(codes, expected)
