@@ -32,6 +32,8 @@ class Query:
     :param keypoints: for geometric verification, None without it.
     :param words: (m,) int32, the words of its keypoints, each once; None without keypoints.
     :param static: (k,) which keypoints are static content; None without keypoints.
+    :param pixels: (n, 8) int32, the symbols of its strongest keypoints bound to their pixels, to
+        be counted for static content; None without keypoints.
     :param cells: dense cells, None if the local features are no grid.
     :param traverse: number of its traverse.
     :param novelty: 1 - cosine with the last keyframe, 0 to 1.
@@ -43,6 +45,7 @@ class Query:
     keypoints: CompactKeypoints | None = None
     words: NDArray[np.int32] | None = None
     static: NDArray[np.bool_] | None = None
+    pixels: NDArray[np.int32] | None = None
     cells: Cells | None = None
     traverse: int = 0
     novelty: float = 1.0

@@ -285,7 +285,7 @@ class PlaceRecognizer:
         if added.keyframe_id is not None:
             self._verifier.note_keyframe(query, added.keyframe_id, best, traverse.verification)
             if best is None:
-                traverse.count_static()
+                traverse.count_static(query)
         for keyframe_id in added.evicted:
             self._verifier.links.evict(keyframe_id)
 

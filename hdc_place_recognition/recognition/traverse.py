@@ -54,7 +54,6 @@ class Traverse:
         self.odometry: Odometry = no_odometry
         self._cells, self._static = CellEncoder(), StaticContent()
         self._hasher = hasher
-        self._codes: NDArray[np.int32] = np.empty((0, 0), np.int32)
 
     def continue_camera(self, before: Traverse) -> None:
         """Take over what belongs to the camera of another traverse: calibration and statistics."""
@@ -69,31 +68,33 @@ class Traverse:
         moved = self.keyframes.moved(unshifted, self.odometry(stamp_ns), params)
         if moved and encoded.grid is not None:
             self._cells.update(encoded.grid)
-        words, static = self._words(encoded)
+        words, static, pixels = self._words(encoded)
         return Query(
             stamp_ns=stamp_ns,
             vectors=vectors,
             keypoints=encoded.keypoints,
             words=words,
             static=static,
+            pixels=pixels,
             cells=None if encoded.grid is None else self._cells.encode(encoded.grid),
             traverse=self.number,
             novelty=novelty,
             moved=moved,
         )
 
-    def count_static(self) -> None:
-        """Count the last query's keypoints: it is a keyframe, and no view of a known place."""
-        self._static.count(self._codes)
+    def count_static(self, query: Query) -> None:
+        """Count the keypoints of a query that is a keyframe, and no view of a known place."""
+        if query.pixels is not None:
+            self._static.count(query.pixels)
 
     def _words(
         self, encoded: EncodedImage
-    ) -> tuple[NDArray[np.int32] | None, NDArray[np.bool_] | None]:
-        """Return the words of an image, and which of its keypoints are static content."""
+    ) -> tuple[NDArray[np.int32] | None, NDArray[np.bool_] | None, NDArray[np.int32] | None]:
+        """Return words, which keypoints are static content, and symbols bound to pixels."""
         if encoded.keypoints is None or encoded.symbols is None:
-            return None, None
-        self._codes = self._static.codes(encoded.symbols, encoded.keypoints.points[:KEYPOINTS])
-        found = self._static.static(self._codes)
+            return None, None, None
+        pixels = self._static.codes(encoded.symbols, encoded.keypoints.points[:KEYPOINTS])
+        found = self._static.static(pixels)
         static = np.zeros(len(encoded.keypoints), np.bool_)
         static[: len(found)] = found
-        return self._hasher.words(encoded.symbols[~found]), static
+        return self._hasher.words(encoded.symbols[~found]), static, pixels

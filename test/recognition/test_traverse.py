@@ -49,7 +49,7 @@ def see(traverse: Traverse, seeds: range, count: bool = True, caption: bool = Tr
     for seed in seeds:
         query = traverse.query(seed, encoded(seed, caption), PARAMS)
         if count:
-            traverse.count_static()
+            traverse.count_static(query)
     return query
 
 
@@ -115,5 +115,5 @@ def test_without_keypoints_there_are_no_words():
     traverse = new_traverse()
     bare = EncodedImage(encoded(0).vectors, None, None, None, 48)
     query = traverse.query(0, bare, PARAMS)
-    traverse.count_static()
+    traverse.count_static(query)
     assert query.words is None and query.static is None and query.keypoints is None
