@@ -213,3 +213,28 @@ def test_two_stages_compare_what_words_put_first(monkeypatch):
     for keyframe_id in (7, 40):
         similarity = exact.find(keyframe_id).similarity
         assert found.find(keyframe_id).similarity == pytest.approx(similarity, abs=1e-6)
+
+
+def test_matches_follow_what_is_evicted():
+    rng, capacity = np.random.default_rng(3), 30
+    database = MemoryDatabase(VectorStore(64), 1, False, capacity=Capacity(capacity))
+    drift = normalize(np.cumsum(rng.standard_normal((200, 1, 64), np.float32), axis=0))
+    worded = {}
+    for number, image in enumerate(drift):
+        words = np.unique(rng.integers(0, 300, 20)).astype(np.int32)
+        query = Query(number, image, words=words, traverse=number % 2)
+        result = database.search(query, 3)
+        twin = result.matches[0].keyframe_id if result.matches else None
+        added = Keyframe(number, number, image[0], words=words, traverse=number % 2, twin=twin)
+        worded[number] = words
+        for evicted in database.add(added).evicted:
+            assert database.search(query, 3).find(evicted) is None
+    assert len(database) == len(database._words) == capacity
+    for keyframe_id in database.ids:
+        query = Query(0, drift[keyframe_id], words=worded[keyframe_id])
+        result = database.search(query, 2)
+        best = result.matches[0]
+        assert best.keyframe_id == result.by_words[0].keyframe_id == keyframe_id
+        assert best.similarity == pytest.approx(1, abs=1e-5)
+        apart = database.distance(keyframe_id, best.rival_id)
+        assert apart is None or apart > 10
