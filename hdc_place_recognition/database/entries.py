@@ -108,7 +108,7 @@ class Entries:
     def rows_of(self, traverse: int, first: int, end: int) -> NDArray[np.intp]:
         """Return the rows from `first` to `end` that are of a traverse."""
         rows = np.arange(first, end)
-        if len(self._ids_of) == 1:
+        if self._ids_of.keys() <= {traverse}:
             return rows
         return rows[np.array(self.traverses[first:end]) == traverse]
 
