@@ -310,7 +310,8 @@ def _shift(index: int, image: Image) -> Image:
     kept_width, kept_height = round(width * 2 / 3), round(height * 2 / 3)
     from_left = np.random.default_rng([_SHIFT_SEED, index]).random() < 0.5
     left, top = 0 if from_left else width - kept_width, round(height / 6)
-    kept = image[top : top + kept_height, left : left + kept_width]
+    rows, columns = slice(top, top + kept_height), slice(left, left + kept_width)
+    kept = image[rows, columns]
     return np.asarray(cv2.resize(kept, (width, height), interpolation=cv2.INTER_LINEAR))
 
 

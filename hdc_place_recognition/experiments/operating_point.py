@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ import numpy as np
 Row = Sequence[str]
 _TRUSTED = 0.95  # the score whose precision is judged
 _STAGES = ('extract', 'encode', 'query', 'keypoints', 'verify')
+_HIGHEST = 'highest wrong'
 _COLUMNS: Row = (
     'run',
     'images',
@@ -56,7 +58,7 @@ _COLUMNS: Row = (
     'AP',
     'R@1',
     'proposed',
-    'highest wrong',
+    _HIGHEST,
     f'ms {_STAGES[0]}',
     *_STAGES[1:],
     'KB a keyframe',
@@ -82,6 +84,7 @@ class RunResult:
     :param variant: what is different, empty for the plain set.
     :param rows: of the main table.
     :param false: rows of the table of false closures.
+    :param to_find: number of queries with a match.
     :param labeled: scores of the best candidates.
     :param shipped: the calibration of these scores.
     """
@@ -90,6 +93,7 @@ class RunResult:
     variant: str
     rows: tuple[Row, ...]
     false: tuple[Row, ...]
+    to_find: int
     labeled: LabeledScores
     shipped: Calibration
 
@@ -200,6 +204,7 @@ def _result(run: Run, params: Params) -> RunResult:
         run.variant,
         tuple(_rows(run, evaluation, scores)),
         tuple(_false_rows(run, evaluation, scores)),
+        scores.closures.queries_with_match,
         best_candidates(evaluation),
         verified if params.verify else unverified,
     )
@@ -220,7 +225,7 @@ def _rows(run: Run, evaluation: Evaluation, scores: Scores) -> Iterator[Row]:
         _highest(best.scores[~best.true].tolist()),
         *_costs(evaluation),
     )
-    n_before = _images_before_revisit(scores)
+    n_before = _images_before_revisit(scores) if closures.queries_with_match else 0
     if evaluation.dataset.mode is Mode.SEQUENCE and n_before and not run.same_start:
         yield _row_before_revisit(run, evaluation, n_before)
 
@@ -231,7 +236,7 @@ def _row_before_revisit(run: Run, evaluation: Evaluation, n_images: int) -> Row:
     n_false = sum(len(detection.accepted) for detection in detections)
     best = [detection.candidates[0].score for detection in detections if detection.candidates]
     row = (f'{run.name}, before any revisit', str(n_images), '0', '0', str(n_false), '0')
-    unknown = ['-'] * (_COLUMNS.index('highest wrong') - len(row))
+    unknown = ['-'] * (_COLUMNS.index(_HIGHEST) - len(row))
     return (*row, *unknown, _highest(best), *['-'] * (len(_STAGES) + 1))
 
 
@@ -286,34 +291,73 @@ def _highest(scores: Sequence[float]) -> str:
     return number(max(scores, default=None))
 
 
+def _main_rows(results: Sequence[RunResult]) -> Iterator[Row]:
+    """Yield the rows of the main table; runs of several seeds are followed by their mean."""
+    for (folder, variant), group in groupby(results, lambda run: (run.folder, run.variant)):
+        rows = [run.rows for run in group]
+        yield from (row for found in rows for row in found)
+        if len(rows) > 1:
+            yield _mean_row(f'{folder}, {variant} (mean)', [found[0] for found in rows])
+
+
+def _mean_row(name: str, rows: Sequence[Row]) -> Row:
+    """Return the mean of each column, '-' where a value is missing; of scores the highest."""
+    cells = [name]
+    for title, *column in list(zip(_COLUMNS, *rows, strict=True))[1:]:
+        values = [float(cell) for cell in column if cell != '-']
+        if len(values) < len(rows):
+            cells.append('-')
+        else:
+            cells.append(f'{max(values) if title == _HIGHEST else np.mean(values):.3g}')
+    return cells
+
+
 def _tables(results: Sequence[RunResult]) -> list[str]:
     """Return the lines of all tables."""
-    lines = aligned([_COLUMNS, *(row for result in results for row in result.rows)])
+    lines = aligned([_COLUMNS, *_main_rows(results)])
     false = [row for result in results for row in result.false]
     lines += ['', *(aligned([_FALSE_COLUMNS, *false]) if false else ['no false closure'])]
     plain = {result.folder: result for result in results if not result.variant}
+    variants = {folder: _pooled(results, folder) for folder in plain}
     if len(plain) > 1:
-        lines += ['', *aligned([_FOLD_COLUMNS, *map(_fold, plain, [plain] * len(plain))])]
+        folds = [row for folder in plain for row in _folds(folder, plain, variants[folder])]
+        lines += ['', *aligned([_FOLD_COLUMNS, *folds])]
     for folder, result in plain.items():
-        lines += ['', folder, *reliability(result.labeled)]
+        lines += ['', f'reliability: {folder}', *reliability(result.labeled)]
+        if len(variants[folder].scores):
+            lines += ['', f'reliability: {folder}, variants', *reliability(variants[folder])]
     return lines
 
 
-def _fold(folder: str, plain: dict[str, RunResult]) -> Row:
-    """Return the row of a set whose scores are calibrated on the other sets."""
-    left_out = plain[folder]
+def _pooled(results: Sequence[RunResult], folder: str) -> LabeledScores:
+    """Return the scores of the variants of a set that revisit places."""
+    found = [
+        result.labeled
+        for result in results
+        if result.folder == folder and result.variant and result.to_find
+    ]
+    return LabeledScores(
+        np.concatenate([np.empty(0), *(labeled.scores for labeled in found)]),
+        np.concatenate([np.empty(0, np.bool_), *(labeled.true for labeled in found)]),
+    )
+
+
+def _folds(folder: str, plain: Mapping[str, RunResult], variants: LabeledScores) -> Iterator[Row]:
+    """Yield the rows of a set, and of its variants, calibrated on the other plain sets."""
     evidence = [
         labeled_evidence(result.labeled, result.shipped)
         for name, result in plain.items()
         if name != folder
     ]
-    fitted = fit(evidence)
-    scores = np.array(
-        [fitted.score(left_out.shipped.evidence(score)) for score in left_out.labeled.scores]
-    )
-    rescored = replace(left_out.labeled, scores=scores)
+    if not any(len(values) for values, _ in evidence):
+        return
+    fitted, shipped = fit(evidence), plain[folder].shipped
     calibration = (f'{fitted.slope:.2f}', f'{fitted.center:.2f}')
-    return (folder, *calibration, *_trusted(rescored), *_trusted(left_out.labeled))
+    for name, labeled in ((folder, plain[folder].labeled), (f'{folder}, variants', variants)):
+        if len(labeled.scores):
+            scores = [fitted.score(shipped.evidence(score)) for score in labeled.scores]
+            rescored = replace(labeled, scores=np.array(scores))
+            yield (name, *calibration, *_trusted(rescored), *_trusted(labeled))
 
 
 def _trusted(labeled: LabeledScores) -> tuple[str, str]:
@@ -327,7 +371,7 @@ def _write_csv(results: Sequence[RunResult], file: Path) -> None:
     with file.open('w', newline='', encoding='utf-8') as stream:
         writer = csv.writer(stream)
         writer.writerow(_COLUMNS)
-        writer.writerows(row for result in results for row in result.rows)
+        writer.writerows(_main_rows(results))
 
 
 def _draw(results: Sequence[RunResult], file: Path) -> None:
