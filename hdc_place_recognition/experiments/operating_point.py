@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
 from itertools import groupby
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,8 @@ from hdc_place_recognition.recognition.factory import calibrations
 from hdc_place_recognition.results import Frame
 from hdc_place_recognition.verification.settings import Calibration
 import numpy as np
+
+_log = logging.getLogger(__name__)
 
 Row = Sequence[str]
 _TRUSTED = 0.95  # the score whose precision is judged
@@ -198,13 +201,18 @@ def _result(run: Run, params: Params) -> RunResult:
     evaluation = evaluate_dataset(run.dataset, params, progress)
     scores = evaluation.scores
     assert scores is not None  # every run has ground truth
+    found = scores.closures
+    _log.info(
+        '%s: true %d, false %d, ignored %d, recall %s',
+        *(run.name, found.true, found.false, found.ignored, number(found.recall)),
+    )
     verified, unverified = calibrations(evaluation.identity)
     return RunResult(
         run.folder,
         run.variant,
         tuple(_rows(run, evaluation, scores)),
         tuple(_false_rows(run, evaluation, scores)),
-        scores.closures.queries_with_match,
+        found.queries_with_match,
         best_candidates(evaluation),
         verified if params.verify else unverified,
     )
