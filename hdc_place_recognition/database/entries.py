@@ -102,6 +102,9 @@ class Entries:
 
     def rows_near(self, row: int, radius: int) -> list[int]:
         """Return the rows up to so many keyframes before and after one in its traverse."""
+        if self._one_traverse:
+            first, end = max(row - radius, 0), min(row + radius + 1, len(self))
+            return [near for near in range(first, end) if near != row]
         rows = (self.row(near) for near in self.near(self.ids[row], radius))
         return [near for near in rows if near is not None]
 
@@ -111,6 +114,11 @@ class Entries:
         if self._ids_of.keys() <= {traverse}:
             return rows
         return rows[np.array(self.traverses[first:end]) == traverse]
+
+    @property
+    def _one_traverse(self) -> bool:
+        """Return whether all rows are of one traverse, and so follow each other."""
+        return len(self._ids_of) == 1
 
     def _bytes_of(self, row: int) -> int:
         held = (self.keypoints[row], self.cells[row])
@@ -122,4 +130,4 @@ class Entries:
         if row is None:
             return None
         ids = self._ids_of[self.traverses[row]]
-        return ids, bisect_left(ids, keyframe_id)
+        return ids, row if self._one_traverse else bisect_left(ids, keyframe_id)

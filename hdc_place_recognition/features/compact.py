@@ -57,9 +57,11 @@ class CompactKeypoints:
         return _OBJECT_BYTES + sum(array.nbytes for array in arrays)
 
     @property
-    def descriptors(self) -> NDArray[np.uint8]:
-        """Return (k, m) uint8, from 0 to 15."""
-        return _NUMBERS[self.packed].reshape(len(self.packed), 2 * self.packed.shape[1])
+    def descriptors(self) -> NDArray[np.float32]:
+        """Return (k, m) float32 whole numbers from 0 to 15."""
+        numbers = np.empty((len(self.packed), 2 * self.packed.shape[1]), np.float32)
+        numbers[:, ::2], numbers[:, 1::2] = self.packed >> 4, self.packed & 15
+        return numbers
 
     @property
     def unit(self) -> float:
@@ -76,10 +78,6 @@ class CompactKeypoints:
         """Return (k,) complex64, size (modulus) and orientation (argument) of each keypoint."""
         turn = np.exp(2j * np.pi / _ANGLES * self.angles)
         return (2 ** (self.log_sizes / _STEPS_PER_OCTAVE) * turn).astype(np.complex64)
-
-
-# The two numbers of each byte.
-_NUMBERS = np.stack([np.arange(256) >> 4, np.arange(256) & 15], axis=1).astype(np.uint8)
 
 
 def quantize(features: LocalFeatures) -> CompactKeypoints:

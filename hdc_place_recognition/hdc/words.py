@@ -186,14 +186,14 @@ class WordHasher:
         self._mean = mean.astype(np.float32)
         self._first = (np.arange(TABLES) * SYMBOLS**2).astype(np.int32)
 
-    def symbols(self, descriptors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def symbols(self, descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
         """
         Return the symbols of each keypoint.
 
         :param descriptors: (k, 128), of any common length.
         :return: (k, TABLES, 2), from 0 to SYMBOLS - 1.
         """
-        centered = _unit(_unit(descriptors.astype(np.float32)) - self._mean)
+        centered = _unit(_unit(descriptors) - self._mean)
         along = (centered @ self._rotations).reshape(-1, ROWS)
         axis = np.abs(along).argmax(axis=1)
         negative = along[np.arange(len(along)), axis] < 0

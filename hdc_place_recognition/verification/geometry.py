@@ -71,6 +71,7 @@ class _MatchedPoints:
     :param pairs: (n, 2, 2) float32, their points, in widths of the image.
     :param voting: (n,) which agree with one similarity transform.
     :param epipolar: (n,) which agree with one fundamental matrix.
+    :param descriptors: (k, m) and (l, m), of the query and of the keyframe.
     """
 
     first: NDArray[np.intp]
@@ -78,6 +79,7 @@ class _MatchedPoints:
     pairs: NDArray[np.float32]
     voting: Mask
     epipolar: Mask
+    descriptors: tuple[NDArray[np.float32], NDArray[np.float32]]
 
     @property
     def still(self) -> Mask:
@@ -133,13 +135,16 @@ def verify_geometry(
 
 def _match_points(query: CompactKeypoints, keyframe: CompactKeypoints) -> _MatchedPoints | None:
     """Return the matches of two images and what agrees with them; None if there are too few."""
-    matches = match(query.descriptors, keyframe.descriptors)
+    descriptors = query.descriptors, keyframe.descriptors
+    matches = match(*descriptors)
     if len(matches) < _LEAST_FOR_VOTES:
         return None
     first, second = matches.T
     pairs = np.stack([query.points[first], keyframe.points[second]], axis=1)
     voting = _similarity_votes(pairs, keyframe.frames[second] / query.frames[first])
-    return _MatchedPoints(first, second, pairs, voting, _epipolar_inliers(pairs, voting))
+    return _MatchedPoints(
+        first, second, pairs, voting, _epipolar_inliers(pairs, voting), descriptors
+    )
 
 
 def _guided(
@@ -147,7 +152,7 @@ def _guided(
 ) -> Matches:
     """Return the guided matches (n, 2) that are not static content."""
     voting = np.stack([matched.first, matched.second], axis=1)[matched.voting]
-    guided = guided_matches(query, keyframe, voting)
+    guided = guided_matches(query, keyframe, voting, matched.descriptors)
     pairs = np.stack([query.points[guided[:, 0]], keyframe.points[guided[:, 1]]], axis=1)
     return guided[~(_still(pairs) & static[guided[:, 0]])]
 
@@ -173,18 +178,17 @@ def _shift(
     return float(x), float(y)
 
 
-def match(query: NDArray[np.uint8], keyframe: NDArray[np.uint8]) -> Matches:
+def match(a: NDArray[np.float32], b: NDArray[np.float32]) -> Matches:
     """
     Return the mutually nearest descriptors that pass the ratio test.
 
-    :param query: (k, m) uint8.
-    :param keyframe: (l, m) uint8.
+    :param a: (k, m) float32 whole numbers, of the query.
+    :param b: (l, m) float32 whole numbers, of the keyframe.
     :return: (n, 2) indices into both.
     """
-    if min(len(query), len(keyframe)) < 2:
+    if min(len(a), len(b)) < 2:
         return np.empty((0, 2), np.intp)
-    # Sums of products of bytes are exact in float32: no order of summation changes a match.
-    a, b = query.astype(np.float32), keyframe.astype(np.float32)
+    # Sums of products of small whole numbers are exact: no order of summation changes a match.
     squared = a @ (-2 * b).T
     squared += np.square(a).sum(axis=1)[:, None]
     squared += np.square(b).sum(axis=1)

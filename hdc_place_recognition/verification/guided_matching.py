@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Complex = NDArray[np.complex64]
+Descriptors = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 _LEAST_AGREEING = 4
 # Around the predicted point, in widths of the image; half the tolerance of the votes.
@@ -27,12 +28,16 @@ _SMALLEST_SCALE, _LARGEST_SCALE = 0.2, 5.0
 
 
 def guided_matches(
-    query: CompactKeypoints, keyframe: CompactKeypoints, agreeing: NDArray[np.intp]
+    query: CompactKeypoints,
+    keyframe: CompactKeypoints,
+    agreeing: NDArray[np.intp],
+    descriptors: Descriptors,
 ) -> NDArray[np.intp]:
     """
     Return the mutually nearest descriptors among keypoints that the transform maps together.
 
     :param agreeing: (n, 2), matches that agree with one similarity transform.
+    :param descriptors: (k, m) and (l, m), of the query and of the keyframe.
     :return: (m, 2), indices of both.
     """
     none = np.empty((0, 2), np.intp)
@@ -46,7 +51,7 @@ def guided_matches(
     first, second = np.nonzero(np.abs(targets - predicted[:, None]) < _RADIUS)
     change = keyframe.frames[second] / query.frames[first] / scale
     fits = (np.abs(np.log2(np.abs(change))) < _OCTAVES) & (np.abs(np.angle(change)) < _ANGLE)
-    return _mutually_nearest(query, keyframe, first[fits], second[fits])
+    return _mutually_nearest(*descriptors, first[fits], second[fits], query.unit * _DISTANCE)
 
 
 def _similarity_transform(points: Complex, targets: Complex) -> tuple[complex, complex]:
@@ -65,16 +70,16 @@ def _similarity_transform(points: Complex, targets: Complex) -> tuple[complex, c
 
 
 def _mutually_nearest(
-    query: CompactKeypoints,
-    keyframe: CompactKeypoints,
+    descriptors: NDArray[np.float32],
+    target_descriptors: NDArray[np.float32],
     first: NDArray[np.intp],
     second: NDArray[np.intp],
+    limit: float,
 ) -> NDArray[np.intp]:
-    """Return the pairs (n, 2) of similar descriptors of which neither has a nearer partner."""
-    descriptors, target_descriptors = query.descriptors, keyframe.descriptors
-    difference = descriptors[first].astype(np.float32) - target_descriptors[second]
+    """Return the pairs (n, 2) nearer than the limit of which neither has a nearer partner."""
+    difference = descriptors[first] - target_descriptors[second]
     distance = np.sqrt(np.einsum('ij,ij->i', difference, difference))
-    near = distance < query.unit * _DISTANCE
+    near = distance < limit
     first, second, distance = first[near], second[near], distance[near]
     least = np.full(len(descriptors), np.inf)
     target_least = np.full(len(target_descriptors), np.inf)

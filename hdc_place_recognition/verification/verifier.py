@@ -176,7 +176,10 @@ class CandidateVerifier:
         self, image: _ImageVerification, state: VerificationState, params: Params
     ) -> list[Hypothesis]:
         """Return the matches of an image with keypoints, best first."""
-        image.verify(self._worth_verifying(image, state, params.verify_top_k))
+        for keyframe_id in self._worth_verifying(image, state, params.verify_top_k):
+            image.verify([keyframe_id])
+            if image.certain:
+                break
         for _ in range(_CLIMBS):
             image.verify(self._database.near(image.strongest, 1))
         hypotheses = [self._hypothesis(match, image, state) for match in image.matches.values()]
@@ -294,7 +297,8 @@ class CandidateVerifier:
                 continue
             score, reason = self._scorer.score(found.evidence), found.evidence.reason
             near = self._near(found, best)
-            shown = near and most >= min_score and self._same_view(found, best, comparison)
+            enough = min(score, most) >= min_score
+            shown = near and enough and self._same_view(found, best, comparison)
             if not shown:
                 limit = _HALF if near else 1 - most
                 reason = reason if score <= limit or near else Reason.ANOTHER_PLACE
@@ -397,6 +401,15 @@ class _ImageVerification:
 
     def __post_init__(self) -> None:
         self.comparison = CellComparison(self.query, self.database)
+
+    @property
+    def certain(self) -> bool:
+        """Return whether a match is beyond doubt, so that no rival can make it ambiguous."""
+        settings = self.settings
+        return any(
+            found.strength >= settings.certain_inliers and found.spread >= settings.full_spread
+            for found in self.geometries.values()
+        )
 
     @property
     def strongest(self) -> int:
