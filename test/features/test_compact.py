@@ -42,7 +42,7 @@ def test_descriptors_have_16_levels_up_to_04():
     found = quantize(FEATURES)
     # Half of 15 is rounded to the even number.
     assert found.descriptors.tolist() == [[0, 15], [8, 3], [0, 15], [0, 1]]
-    assert found.descriptors.dtype == np.uint8 and found.unit == 37.5
+    assert found.descriptors.dtype == np.float32 and found.unit == 37.5
 
 
 def test_two_numbers_are_packed_in_a_byte():

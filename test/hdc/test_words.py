@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 import pytest
 
 
-def descriptors(seed: int, count: int = 100) -> NDArray[np.uint8]:
-    """Return random descriptors of unit length times 255."""
+def descriptors(seed: int, count: int = 100) -> NDArray[np.float32]:
+    """Return random descriptors, whole numbers of a length of about 255."""
     raw = np.random.default_rng(seed).gamma(0.5, size=(count, 128)) ** 0.5
-    return np.rint(raw / np.linalg.norm(raw, axis=1, keepdims=True) * 255).astype(np.uint8)
+    return np.rint(raw / np.linalg.norm(raw, axis=1, keepdims=True) * 255).astype(np.float32)
 
 
-def words(hasher: WordHasher, found: NDArray[np.uint8]) -> NDArray[np.int32]:
+def words(hasher: WordHasher, found: NDArray[np.float32]) -> NDArray[np.int32]:
     return hasher.words(hasher.symbols(found))
 
 
@@ -70,17 +70,17 @@ def test_a_word_is_a_bound_pair_of_its_table():
 
 
 def test_without_keypoints_there_are_no_words():
-    assert len(words(WordHasher(), np.empty((0, 128), np.uint8))) == 0
+    assert len(words(WordHasher(), np.empty((0, 128), np.float32))) == 0
 
 
 def test_descriptors_of_no_length_are_answered():
-    assert len(words(WordHasher(), np.zeros((2, 128), np.uint8))) == TABLES
+    assert len(words(WordHasher(), np.zeros((2, 128), np.float32))) == TABLES
 
 
 def test_nearly_equal_descriptors_share_most_words():
     hasher, found = WordHasher(), descriptors(5)
     change = np.random.default_rng(0).integers(-1, 2, found.shape)
-    noisy = np.clip(found.astype(int) + change, 0, 255).astype(np.uint8)
+    noisy = np.maximum(found + change, 0).astype(np.float32)
     first, second, unlike = (words(hasher, part) for part in (found, noisy, descriptors(6)))
     shared = len(np.intersect1d(first, second))
     assert shared > 0.5 * len(first) and shared > 10 * len(np.intersect1d(first, unlike))

@@ -141,12 +141,12 @@ def test_few_keyframes_are_compared(line):
 
 
 def test_a_pair_is_compared_once(line, monkeypatch):
-    calls = []
-    compare = appearance.compare
-    monkeypatch.setattr(appearance, 'compare', lambda *pair: (calls.append(1), compare(*pair))[1])
+    calls, unpack = [], Cells.unpack
+    monkeypatch.setattr(Cells, 'unpack', lambda packed: (calls.append(1), unpack(packed))[1])
     compared = comparison(line, 5)
     assert compared.possible and compared.of(5) == compared.of(5) > 3 * compared.of(9)
-    assert len(calls) == 2
+    # The image itself, and two keyframes.
+    assert len(calls) == 3
     assert compared.between(5, 5) == pytest.approx(2, abs=1e-5) and compared.between(5, 9) < 0.5
 
 

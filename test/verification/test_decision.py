@@ -71,6 +71,7 @@ class World:
         self.matches: dict[int, Match] = {}
         self.cells: dict[int, float] = {}
         self.alike: set[tuple[int, int]] = set()
+        self.spread = 9
         self.path: PathMatch | None = None
         self.asked_for_path = 0
         self.verified: list[int] = []
@@ -85,7 +86,7 @@ class World:
     def geometry(self, _: object, keyframe: SimpleNamespace, *rest: object) -> Geometry:
         self.verified.append(keyframe.number)
         inliers = self.inliers.get(keyframe.number, 0)
-        return Geometry(inliers=inliers, spread=9 if inliers else 0, shift_x=0.25)
+        return Geometry(inliers=inliers, spread=self.spread if inliers else 0, shift_x=0.25)
 
     def follow_path(self, *given: object) -> PathMatch | None:
         self.asked_for_path += 1
@@ -150,7 +151,7 @@ def test_words_add_places_that_are_not_verified_yet(monkeypatch):
 
 @pytest.mark.parametrize(('count', 'expected'), [(1, [10]), (2, [10, 70]), (3, [10, 20, 70])])
 def test_few_are_verified_if_wanted(monkeypatch, count, expected):
-    world = World(monkeypatch, {10: 50})
+    world = World(monkeypatch, {10: 30})
     world.ask([10, 20, 30], [70, 80], cells=False, verify_top_k=count)
     # Beside them only the neighbors of the strongest.
     assert world.verified == [*expected, 9, 11]
@@ -163,6 +164,16 @@ def test_the_neighbors_of_the_strongest_are_climbed_three_times(monkeypatch):
     assert next(iter(found)) == 23 and found[23].accepted
 
 
+@pytest.mark.parametrize(
+    ('inliers', 'spread', 'stopped'), [(40, 8, True), (39, 16, False), (400, 7, False)]
+)
+def test_beyond_doubt_no_other_place_is_verified(monkeypatch, inliers, spread, stopped):
+    world = World(monkeypatch, {20: inliers})
+    world.spread = spread
+    world.ask([10, 20, 60, 70], cells=False, verify_top_k=8)
+    assert world.verified == [10, 20, *([] if stopped else [60, 70]), 19, 21]
+
+
 def test_only_what_was_searched_is_verified(monkeypatch):
     world = World(monkeypatch, {20: 10, 21: 90})
     world.searched = 21
@@ -173,12 +184,10 @@ def test_keyframes_next_to_the_last_certain_place_are_verified(monkeypatch):
     world = World(monkeypatch, {50: 60})
     world.ask([50])
     assert world.state.temporal.last == (50, pytest.approx(1, abs=0.01))
-    world.verified.clear()
+    world.inliers, world.verified = {}, []
     world.ask([10], cells=False)
     assert world.verified[:5] == [10, 50, 51, 53, 48]
     # That image was not certain.
-    world.inliers, world.verified = {}, []
-    world.ask([10])
     world.verified.clear()
     world.ask([10])
     assert not {50, 51, 53, 48} & set(world.verified)
@@ -235,7 +244,7 @@ def test_inliers_at_another_place_count_against_it(monkeypatch):
 
 
 def test_another_place_is_true_only_as_far_as_the_best_is_not(monkeypatch):
-    found = World(monkeypatch, {20: 60, 60: 45}).ask([20, 60])
+    found = World(monkeypatch, {20: 39, 60: 20}).ask([20, 60])
     assert found[20].accepted and not found[60].accepted
     assert found[60].score == pytest.approx(1 - found[20].score)
     assert found[60].reason is Reason.ANOTHER_PLACE
@@ -246,12 +255,12 @@ def test_another_place_is_true_only_as_far_as_the_best_is_not(monkeypatch):
 
 @pytest.mark.parametrize(
     ('near', 'inliers', 'alike', 'accepted'),
-    [(22, 31, True, True), (22, 29, True, False), (22, 59, False, False), (27, 59, True, False)],
+    [(22, 20, True, True), (22, 19, True, False), (22, 38, False, False), (27, 38, True, False)],
 )
 def test_a_neighbor_with_the_same_view_is_accepted_too(
     monkeypatch, near, inliers, alike, accepted
 ):
-    world = World(monkeypatch, {20: 60, near: inliers})
+    world = World(monkeypatch, {20: 39, near: inliers})
     world.cells = {20: 0.9}
     world.alike = {(near, 20)} if alike else set()
     found = world.ask([20, near])
@@ -301,8 +310,8 @@ def test_nothing_found_gives_no_candidate(monkeypatch):
 
 
 def test_a_candidate_tells_its_inliers_shift_and_stamps(monkeypatch):
-    found = World(monkeypatch, {20: 60}).ask([20, 60])
-    assert (found[20].inliers, found[20].shift_x) == (60, 0.25)
+    found = World(monkeypatch, {20: 39}).ask([20, 60])
+    assert (found[20].inliers, found[20].shift_x) == (39, 0.25)
     assert (found[60].inliers, found[60].shift_x) == (0, 0.0)
     assert (found[20].query_stamp_ns, found[20].match_stamp_ns) == (1000, 200)
     assert found[20].reason is Reason.ACCEPTED

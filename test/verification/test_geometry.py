@@ -119,8 +119,8 @@ def test_coinciding_and_collinear_points_are_answered():
 
 
 def test_match_is_mutual_and_passes_the_ratio_test():
-    query = np.array([[0, 0], [100, 0], [0, 100], [51, 51]], np.uint8)
-    earlier = np.array([[1, 0], [98, 0], [0, 200], [50, 52], [52, 50]], np.uint8)
+    query = np.array([[0, 0], [100, 0], [0, 100], [51, 51]], np.float32)
+    earlier = np.array([[1, 0], [98, 0], [0, 200], [50, 52], [52, 50]], np.float32)
     # 0 and 1 have one partner each; 2 is as near to none; 3 has two that are equally near.
     assert match(query, earlier).tolist() == [[0, 0], [1, 1]]
     assert match(query[:1], earlier).shape == (0, 2)
@@ -305,8 +305,8 @@ def test_cells_begin_at_quarters():
 
 
 def test_a_match_is_nearer_than_four_fifths_of_the_second():
-    keyframe = np.array([[0], [90]], np.uint8)
+    keyframe = np.array([[0], [90]], np.float32)
     # Distances 39 and 51, 40 and 50; four fifths of the second are 40.8 and 40.
     for value, found in ((39, [[0, 0]]), (40, [])):
-        query = np.array([[value], [value]], np.uint8)
+        query = np.array([[value], [value]], np.float32)
         assert match(query, keyframe).tolist() == found

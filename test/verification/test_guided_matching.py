@@ -13,6 +13,13 @@ import pytest
 FIVE = np.stack([np.arange(5)] * 2, axis=1)
 
 
+def matches_of(
+    query: CompactKeypoints, keyframe: CompactKeypoints, agreeing: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    descriptors = query.descriptors, keyframe.descriptors
+    return guided_matches(query, keyframe, agreeing, descriptors)
+
+
 def scene(seed: int, count: int = 80) -> CompactKeypoints:
     """Return keypoints in the middle of a square image, from a third to two thirds."""
     rng = np.random.default_rng(seed)
@@ -49,14 +56,14 @@ def test_what_a_roll_and_zoom_moved_is_found(zoom, degrees):
     order = np.random.default_rng(1).permutation(len(query))
     keyframe = seen_again(query, zoom, degrees, order)
     agreeing = np.stack([np.arange(5), np.argsort(order)[:5]], axis=1)
-    found = guided_matches(query, keyframe, agreeing)
+    found = matches_of(query, keyframe, agreeing)
     assert len(found) == len(query)
     assert np.array_equal(order[found[:, 1]], found[:, 0])
 
 
 def test_matches_have_the_size_and_orientation_that_are_predicted():
     query = scene(1)
-    assert len(guided_matches(query, query, FIVE)) == len(query)
+    assert len(matches_of(query, query, FIVE)) == len(query)
     for log_sizes, angles, matched in (
         (16, 0, True),
         (32, 0, False),
@@ -68,7 +75,7 @@ def test_matches_have_the_size_and_orientation_that_are_predicted():
             log_sizes=(query.log_sizes + log_sizes).astype(np.uint8),
             angles=(query.angles.astype(int) + angles).astype(np.uint8),
         )
-        assert len(guided_matches(query, keyframe, FIVE)) == len(query) * matched
+        assert len(matches_of(query, keyframe, FIVE)) == len(query) * matched
 
 
 def test_matches_are_where_they_are_predicted():
@@ -76,7 +83,7 @@ def test_matches_are_where_they_are_predicted():
     far = rng.choice(np.arange(5, 80), 20, replace=False)
     positions = query.positions.copy()
     positions[far, 1] += 2500
-    found = guided_matches(query, replace(query, positions=positions), FIVE)
+    found = matches_of(query, replace(query, positions=positions), FIVE)
     assert not set(far.tolist()) & set(found[found[:, 0] == found[:, 1], 0].tolist())
     assert len(found) >= 60
 
@@ -84,7 +91,7 @@ def test_matches_are_where_they_are_predicted():
 def test_matches_are_similar():
     query, unlike = scene(3), scene(4)
     keyframe = replace(query, packed=unlike.packed)
-    assert len(guided_matches(query, keyframe, FIVE)) < 8
+    assert len(matches_of(query, keyframe, FIVE)) < 8
 
 
 def test_matches_are_mutually_nearest():
@@ -95,13 +102,13 @@ def test_matches_are_mutually_nearest():
         np.concatenate([scene(6).packed, query.packed]),
         1.0,
     )
-    found = guided_matches(query, twice, FIVE)
+    found = matches_of(query, twice, FIVE)
     assert np.array_equal(found, np.stack([np.arange(80), np.arange(80, 160)], axis=1))
 
 
 def test_unrelated_images_have_few():
     agreeing = np.stack([np.arange(4)] * 2, axis=1)
-    assert len(guided_matches(scene(7, 200), scene(8, 200), agreeing)) < 8
+    assert len(matches_of(scene(7, 200), scene(8, 200), agreeing)) < 8
 
 
 @pytest.mark.parametrize(
@@ -110,4 +117,4 @@ def test_unrelated_images_have_few():
 )
 def test_too_few_or_all_at_one_point_give_none(agreeing):
     query = scene(9)
-    assert guided_matches(query, query, agreeing).shape == (0, 2)
+    assert matches_of(query, query, agreeing).shape == (0, 2)
