@@ -206,6 +206,14 @@ def test_what_is_next_ends_with_the_traverse(monkeypatch, last, expected):
     assert world.verified[:end] == [50, *expected]
 
 
+@pytest.mark.parametrize(('probability', 'looked'), [(0.31, True), (0.29, False)])
+def test_the_last_place_must_be_certain_enough(monkeypatch, probability, looked):
+    world = World(monkeypatch, {})
+    world.state.temporal.remember(50, probability)
+    world.ask([10])
+    assert (50 in world.verified) is looked
+
+
 # Rivals
 
 
@@ -423,3 +431,21 @@ def test_when_a_path_is_not_asked_for(monkeypatch, changes):
     assert world.asked_for_path == 0 and 30 not in found
     world.ask([10], other_visits=OTHER)
     assert world.asked_for_path == 1
+
+
+# A new keyframe
+
+
+def test_a_new_keyframe_is_linked_to_its_place_and_learns_from_its_traverse(monkeypatch):
+    world, learned = World(monkeypatch, {}, (300, 300)), []
+    monkeypatch.setattr(
+        verifier, 'learn_own_background', lambda _, own, state: learned.append(own.tolist())
+    )
+    query = Query(0, np.ones((1, 4), np.float32))
+    world.verifier.note_keyframe(query, 599, 20, world.state)
+    # Of the last 200 the ten newest are left out.
+    assert learned == [[*range(399, 589)]]
+    world.verifier.note_keyframe(query, 305, None, world.state)
+    assert learned[1] == []
+    links, distance = world.verifier.links, Line(300, 300).distance
+    assert not links.distinct(599, 20, distance) and links.distinct(305, 20, distance)
