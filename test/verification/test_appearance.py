@@ -125,7 +125,7 @@ def test_unknown_places_are_no_path(line):
 def test_only_other_visits_are_compared(line):
     assert walk(line, range(8, 14), visits=np.arange(0)) == [None] * 6
     before, compared = state(), comparison(line, 10)
-    assert follow_path(compared, [10, 11, 30], np.arange(20, COUNT), before) is not None
+    assert follow_path(compared, [10, 11, 20], np.arange(20, COUNT), before) is not None
     # Of the keyframes that are no other visit none is compared.
     assert compared._known and min(compared._known) >= 20
     assert follow_path(comparison(line, 10), [10], np.arange(20, COUNT), state()) is None
