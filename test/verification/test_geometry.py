@@ -278,8 +278,10 @@ def test_inliers_that_mostly_move_are_not_questioned():
     def is_static(points: NDArray[np.float32]) -> bool:
         raise AssertionError(points)
 
-    both = [compact(points) for points in two_planes(40)]
-    assert verify_geometry(*both, is_static=is_static).inliers > 30
+    # Not more than half of them stay.
+    for still in (0, 18):
+        query, keyframe = still_and_moved(still, 40 - still)
+        assert verify_geometry(query, keyframe, is_static=is_static).inliers > 25
 
 
 def test_what_moves_counts_beside_a_caption():
