@@ -130,6 +130,19 @@ def test_the_sets_are_calibrated_on_each_other(tmp_path, capsys):
     assert all(row['precision'] == '1.000' for row in rows)
 
 
+def test_runs_of_several_seeds_are_followed_by_their_mean(tmp_path, capsys):
+    lines = run(capsys, write_loop(tmp_path / 'loop'), '--roll', '45', '--seeds', '3')
+    *seeds, mean = table(lines, 'run')[-4:]
+    assert [row['run'] for row in seeds] == [
+        f'loop, rolled 0 to 45 (seed {seed})' for seed in range(3)
+    ]
+    assert mean['run'] == 'loop, rolled 0 to 45 (mean)'
+    for title, decimals in (('true', 1), ('recall', 3), ('AP', 3)):
+        expected = sum(float(row[title]) for row in seeds) / 3
+        assert float(mean[title]) == pytest.approx(expected, abs=0.6 * 10**-decimals)
+    assert mean['highest wrong'] == max(row['highest wrong'] for row in seeds)
+
+
 def test_a_diagram_of_each_set(tmp_path, capsys):
     pytest.importorskip('matplotlib')
     sets = write_loop(tmp_path / 'a'), write_traverses(tmp_path / 'b')
