@@ -313,10 +313,9 @@ def _mean_row(name: str, rows: Sequence[Row]) -> Row:
     cells = [name]
     for title, *column in list(zip(_COLUMNS, *rows, strict=True))[1:]:
         values = [float(cell) for cell in column if cell != '-']
-        if len(values) < len(rows):
-            cells.append('-')
-        else:
-            cells.append(f'{max(values) if title == _HIGHEST else np.mean(values):.3g}')
+        value = max(values, default=0.0) if title == _HIGHEST else sum(values) / len(rows)
+        decimals = max(1, *(len(cell.partition('.')[2]) for cell in column))
+        cells.append(f'{value:.{decimals}f}' if len(values) == len(rows) else '-')
     return cells
 
 

@@ -122,17 +122,17 @@ def runs_against(paths: Sequence[Path], choices: Choices) -> Iterator[Run]:
     count = len(paths)
     for step in _AGAINST[: count - 1] if choices.against else ():
         for index, path in enumerate(paths):
-            queries, other = open_dataset(path), open_dataset(paths[(index + step) % count])
+            queries, target = open_dataset(path), open_dataset(paths[(index + step) % count])
             yield Run(
                 queries.name,
-                f'against {other.name}',
+                f'against {target.name}',
                 Dataset(
-                    f'{queries.name} against {other.name}',
+                    f'{queries.name} against {target.name}',
                     Mode.TRAVERSES,
                     Thinned(_limited(queries, choices.queries).queries, _AGAINST_STEP),
-                    other.queries if other.reference is None else other.reference,
+                    target.queries if target.reference is None else target.reference,
                     NothingInCommon(),
-                    {**queries.overrides, **other.overrides},
+                    {**queries.overrides, **target.overrides},
                 ),
             )
 

@@ -219,6 +219,11 @@ def as_grid(features: LocalFeatures) -> Grid | None:
     return None if shape is None else features.descriptors.reshape(*shape, -1)
 
 
+def similarity(query: UnitCells, keyframe: Cells) -> float:
+    """Return D of :func:`compare`, about .03 to .1 for different places and at most 2."""
+    return compare(query, keyframe.unpack()).similarity
+
+
 def compare(query: UnitCells, keyframe: UnitCells) -> CellMatch:
     """
     Compare two images cell by cell; grids of different shapes compare too.

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+import logging
 
 from hdc_place_recognition.features.cells import as_grid, Grid
 from hdc_place_recognition.features.compact import CompactKeypoints, quantize
@@ -19,6 +20,7 @@ from hdc_place_recognition.recognition.stopwatch import Stopwatch
 import numpy as np
 from numpy.typing import NDArray
 
+_log = logging.getLogger(__name__)
 _Keypoints = tuple[CompactKeypoints, NDArray[np.uint8]]
 
 
@@ -67,6 +69,7 @@ class ImageEncoder:
         self.hasher = hasher
         self._pool = ThreadPoolExecutor(1, 'keypoints') if keypoints and parallel else None
         self.identity = extractor.identity
+        self._without_grid = False
 
     @property
     def verifies(self) -> bool:
@@ -90,7 +93,10 @@ class ImageEncoder:
         if get_keypoints is not None:
             with watch.stage('keypoints'):
                 keypoints, symbols = get_keypoints()
-        return EncodedImage(vectors, keypoints, symbols, as_grid(features), len(features))
+        grid = as_grid(features)
+        if grid is None and len(features):
+            self._say_without_grid()
+        return EncodedImage(vectors, keypoints, symbols, grid, len(features))
 
     def warm_up(self, width: int, height: int) -> None:
         """
@@ -101,6 +107,16 @@ class ImageEncoder:
         """
         noise = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
         self.encode(noise)
+
+    def _say_without_grid(self) -> None:
+        """Log once that there are no dense cells."""
+        if not self._without_grid:
+            self._without_grid = True
+            _log.info(
+                'the features "%s" are no grid: candidates are not ordered by dense cells, and '
+                'closures by appearance alone are not possible',
+                self.identity,
+            )
 
     def _start_keypoints(self, image: NDArray[np.uint8]) -> Callable[[], _Keypoints] | None:
         """Return a function that returns the keypoints: it extracts them, or waits for them."""

@@ -59,6 +59,7 @@ class Traverse:
         """Take over what belongs to the camera of another traverse: calibration and statistics."""
         self.camera, self.odometry = before.camera, before.odometry
         self._cells, self._static = before._cells, before._static
+        self.verification.background = before.verification.background
 
     def query(self, stamp_ns: int, encoded: EncodedImage, params: Params) -> Query:
         """Return an image as a query: with the sequence it ends, and without static content."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from hdc_place_recognition.database.base import KeyframeDatabase, Query
-from hdc_place_recognition.features.cells import compare, UnitCells
+from hdc_place_recognition.features.cells import similarity, UnitCells
 from hdc_place_recognition.verification.path import PathMatch
 from hdc_place_recognition.verification.state import VerificationState
 import numpy as np
@@ -59,11 +59,9 @@ class CellComparison:
         if keyframe_id not in self._known:
             keyframe = self.database.get(keyframe_id).cells
             cells = self.cells
-            self._known[keyframe_id] = (
-                0.0
-                if keyframe is None or cells is None
-                else compare(cells, keyframe.unpack()).similarity
-            )
+            if keyframe is None or cells is None:
+                return 0.0
+            self._known[keyframe_id] = similarity(cells, keyframe)
         return self._known[keyframe_id]
 
     def between(self, first_id: int, second_id: int) -> float:
@@ -71,7 +69,7 @@ class CellComparison:
         first, second = (self.database.get(found).cells for found in (first_id, second_id))
         if first is None or second is None:
             return 0.0
-        return compare(first.unpack(), second.unpack()).similarity
+        return similarity(first.unpack(), second)
 
 
 def follow_path(

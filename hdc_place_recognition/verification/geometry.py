@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 from hdc_place_recognition.features.compact import CompactKeypoints, KEYPOINT_WIDTH
@@ -55,7 +56,7 @@ class Geometry:
         default_factory=lambda: np.empty((0, 2, 2), np.float32), compare=False
     )
 
-    @property
+    @cached_property
     def strength(self) -> float:
         """Return the inliers that count: the geometric mean of both, and no less than inliers."""
         return float(np.sqrt(self.inliers * max(self.inliers, self.guided)))

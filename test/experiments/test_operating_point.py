@@ -9,7 +9,8 @@ import cv2
 from hdc_place_recognition.cli import experiments
 from hdc_place_recognition.datasets.dataset import Mode
 from hdc_place_recognition.datasets.open_dataset import open_dataset
-from hdc_place_recognition.evaluation.evaluate import evaluate
+from hdc_place_recognition.evaluation.evaluate import evaluate, evaluate_dataset
+from hdc_place_recognition.experiments.calibration import best_candidates, fit, labeled_evidence
 from hdc_place_recognition.experiments.trust_runs import (
     ALL,
     Choices,
@@ -18,7 +19,7 @@ from hdc_place_recognition.experiments.trust_runs import (
     runs_of,
 )
 from hdc_place_recognition.params.table import Params
-from hdc_place_recognition.recognition.factory import create_recognizer
+from hdc_place_recognition.recognition.factory import calibrations, create_recognizer
 import numpy as np
 import pytest
 
@@ -44,14 +45,18 @@ def write_loop(folder, places=12, first_seed=0):
     write_images(folder / 'images', [first_seed + seed for seed in seeds])
     hard = np.eye(len(seeds), k=-places)
     hard[-1] = 0
-    np.savez(folder / 'gt.npz', hard=hard, soft=hard, min_gap=4)
+    # An image also matches itself and the image before, which is too young to be compared.
+    soft = hard + np.eye(len(seeds)) + np.eye(len(seeds), k=-1)
+    np.savez(folder / 'gt.npz', hard=hard, soft=soft, min_gap=4)
     return folder
 
 
 def write_traverses(folder, count=6, first_seed=100):
-    for part in ('ref', 'query'):
-        write_images(folder / 'images' / part, range(first_seed, first_seed + count))
-    np.savez(folder / 'gt.npz', hard=np.eye(count), soft=np.eye(count), min_gap=-1)
+    """Write two traverses of the same places; the map has one place more."""
+    for part, more in (('ref', 1), ('query', 0)):
+        write_images(folder / 'images' / part, range(first_seed, first_seed + count + more))
+    hard = np.eye(count, count + 1)
+    np.savez(folder / 'gt.npz', hard=hard, soft=hard, min_gap=-1)
     return folder
 
 
@@ -79,6 +84,12 @@ def test_closures_of_a_loop_are_counted(tmp_path, capsys):
     assert float(loop['with soft']) == float(loop['recall']) == int(loop['true']) / 12 > 0.5
     assert (before['images'], before['false'], before['true']) == ('12', '0', '0')
     assert before['recall'] == before['ms extract'] == '-'
+
+
+def test_candidates_that_are_not_accepted_are_proposed_only(tmp_path, capsys):
+    row = table(run(capsys, write_loop(tmp_path / 'loop'), '--min-score', '1'), 'run')[0]
+    assert (row['true'], row['recall'], row['with soft']) == ('0', '0.000', '0.000')
+    assert row['proposed'] == '1.000'
 
 
 def test_all_variants_of_sets_by_one_command(tmp_path, capsys):
@@ -123,11 +134,30 @@ def test_false_closures_are_listed_with_their_distance(tmp_path, capsys):
         assert row['frames off'] == ('5' if query >= 17 else '-')
 
 
-def test_the_sets_are_calibrated_on_each_other(tmp_path, capsys):
-    sets = [write_loop(tmp_path / name, 12, seed) for name, seed in (('a', 0), ('b', 2000))]
+def test_each_set_is_calibrated_on_the_others(tmp_path, capsys):
+    sets = write_loop(tmp_path / 'a'), write_traverses(tmp_path / 'b')
     rows = table(run(capsys, *sets), 'left out')
-    assert [row['left out'] for row in rows] == ['a', 'b']
-    assert all(row['precision'] == '1.000' for row in rows)
+    params = Params(extractor='gradient_grid', dimensions=1024)
+    for row, path in zip(rows, sets[::-1], strict=True):
+        evaluation = evaluate_dataset(open_dataset(path), params)
+        shipped, _ = calibrations(evaluation.identity)
+        fitted = fit([labeled_evidence(best_candidates(evaluation), shipped)])
+        assert (row['slope'], row['center']) == (f'{fitted.slope:.2f}', f'{fitted.center:.2f}')
+        assert row['precision'] == '1.000'
+    assert rows[0]['slope'] != rows[1]['slope']
+
+
+def test_runs_of_several_seeds_are_followed_by_their_mean(tmp_path, capsys):
+    lines = run(capsys, write_loop(tmp_path / 'loop'), '--roll', '45', '--seeds', '3')
+    *seeds, mean = table(lines, 'run')[-4:]
+    assert [row['run'] for row in seeds] == [
+        f'loop, rolled 0 to 45 (seed {seed})' for seed in range(3)
+    ]
+    assert mean['run'] == 'loop, rolled 0 to 45 (mean)'
+    for title, decimals in (('true', 1), ('recall', 3), ('AP', 3)):
+        expected = sum(float(row[title]) for row in seeds) / 3
+        assert float(mean[title]) == pytest.approx(expected, abs=0.6 * 10**-decimals)
+    assert mean['highest wrong'] == max(row['highest wrong'] for row in seeds)
 
 
 def test_a_diagram_of_each_set(tmp_path, capsys):
@@ -194,7 +224,7 @@ def test_sets_against_each_other_have_nothing_in_common(tmp_path):
         dataset = known.dataset
         assert dataset.mode is Mode.TRAVERSES and not revisits(dataset)
     assert [len(found[index].dataset.queries) for index in (0, 3)] == [5, 3]
-    assert [len(found[index].dataset.reference) for index in (2, 3)] == [6, 9]
+    assert [len(found[index].dataset.reference) for index in (2, 3)] == [7, 9]
     assert not list(runs_against(paths[:1], ALL)) and not list(runs_against(paths, Choices()))
 
 
