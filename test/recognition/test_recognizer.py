@@ -356,3 +356,13 @@ def test_static_content_is_counted_of_what_is_stored(monkeypatch):
         symbols = recognizer._encoder.hasher.symbols(found.descriptors[:KEYPOINTS])
         expected = StaticContent().codes(symbols, found.points[:KEYPOINTS])
         assert np.array_equal(codes, expected)
+
+
+def test_what_features_without_a_grid_go_without_is_said_once(caplog):
+    caplog.set_level('INFO', 'hdc_place_recognition.recognition.image_encoder')
+    recognizer = create_recognizer(BASE.replace(extractor='rootsift', verify=False))
+    caplog.clear()
+    for place in range(3):
+        assert recognizer._encoder.encode(texture(place)).grid is None
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert 'are no grid' in line and line.startswith('the features "rootsift')

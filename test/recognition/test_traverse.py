@@ -78,6 +78,7 @@ def test_another_traverse_of_the_camera_knows_its_static_content_and_means():
     assert query.static[:CAPTION].all() and query.traverse == 1
     fresh = new_traverse(1).query(9, encoded(9), PARAMS)
     assert not np.array_equal(query.cells.codes, fresh.cells.codes)
+    assert after.verification.background is before.verification.background
     # But it is not where the other one was.
     assert query.moved and query.novelty == 1
 
