@@ -225,7 +225,8 @@ class Params:
     )
     exclude_recent_s: float = param(
         15.0,
-        'Minimum age of a candidate. Time during which the robot stands still is not counted.',
+        'Minimum age of a candidate. Time during which the robot stands still is not counted; '
+        'a gap between images or a jump of the clock counts as two images, or one second.',
         unit='s',
         low=0.0,
         high=86400.0,
