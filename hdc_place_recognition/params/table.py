@@ -290,14 +290,14 @@ class Params:
     image_transport: str = param(
         'raw',
         'Type of the image topic: sensor_msgs/Image (raw) or sensor_msgs/CompressedImage '
-        '(compressed).',
+        '(compressed); /compressed is appended to the name of the topic then.',
         choices=('raw', 'compressed'),
     )
     image_qos: str = param(
-        'sensor_data',
-        'QoS of the image subscription: best effort (sensor_data), or reliable, which loses '
-        'no images but needs a reliable publisher.',
-        choices=('sensor_data', 'reliable'),
+        'auto',
+        'QoS of the image subscription: that of the publishers (auto: reliable if all of them '
+        'are), best effort (sensor_data), or reliable, which needs reliable publishers.',
+        choices=('auto', 'sensor_data', 'reliable'),
     )
     image_rectified: bool = param(
         False,

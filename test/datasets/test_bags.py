@@ -73,7 +73,7 @@ def test_compressed_images(tmp_path):
 
 def test_images_without_stamps_get_the_time_of_recording(tmp_path, caplog):
     bag = images_bag(tmp_path / 'bag', [0] * 4)
-    with pytest.raises(PlaceRecognitionError, match='stamp is 0 again.*times of recording inst'):
+    with pytest.raises(PlaceRecognitionError, match=r'stamp is 0 again.*times of recording inst'):
         list(bags.BagImages.from_bag(bag))
     frames = list(bags.BagImages.from_bag(bag, skip_bad=True))
     assert len({frame.stamp_ns for frame in frames}) == 4 and frames[0].stamp_ns == 0
