@@ -229,10 +229,12 @@ class PlaceRecognitionNode(Node):
 def closure_line(detection: Detection) -> str:
     """Return the best loop closure as a log line."""
     best, more = detection.accepted[0], len(detection.accepted) - 1
-    ago_s = (best.query_stamp_ns - best.match_stamp_ns) / 1e9
+    when = f'{(best.query_stamp_ns - best.match_stamp_ns) / 1e9:.1f} s ago'
+    if best.match_session != best.query_session:
+        when = f'in session {best.match_session}'
     return (
         f'loop closure: {_seconds(best.query_stamp_ns)} is the place of '
-        f'{_seconds(best.match_stamp_ns)}, {ago_s:.1f} s ago (image {best.match_id}), '
+        f'{_seconds(best.match_stamp_ns)}, {when} (image {best.match_id}), '
         f'score {best.score:.2f}{f", and {more} more" if more else ""}'
     )
 

@@ -17,8 +17,9 @@ def main() -> int:
     try:
         from hdc_place_recognition.ros.main import main as run
     except ModuleNotFoundError as error:
+        package = str(error.name).partition('.')[0]
         print(
-            f'place_recognition_node: the Python package {error.name} is not installed; see '
+            f'place_recognition_node: the Python package {package} is not installed; see '
             f'README, "On a robot"',
             file=sys.stderr,
         )
