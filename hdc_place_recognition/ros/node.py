@@ -184,15 +184,17 @@ class PlaceRecognitionNode(Node):
             return
         if detection.keyframe_id is not None:
             self._positions.add_keyframe(detection.keyframe_id, detection.stamp_ns)
-        self._candidates.publish(candidates_message(header, self._located(detection.candidates)))
+        candidates = self._located(detection.candidates)
         for evicted_id in detection.evicted_ids:
             self._positions.evict(evicted_id)
+        self._candidates.publish(candidates_message(header, candidates))
         if detection.not_stored:
             self.get_logger().warning(
                 f'image not stored: {detection.not_stored}', throttle_duration_sec=_WARN_PERIOD_S
             )
         if detection.accepted:
-            self._closures.publish(candidates_message(header, self._located(detection.accepted)))
+            accepted = [found for found in candidates if found.candidate.accepted]
+            self._closures.publish(candidates_message(header, accepted))
             self.get_logger().info(closure_line(detection))
         else:
             self.get_logger().info(

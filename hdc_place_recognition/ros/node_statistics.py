@@ -120,20 +120,24 @@ class RecentProblems:
             refused=known.failed,
             lost=known.lost_by_dds,
             repeated=known.skipped[Status.STAMP_REPEATED],
+            late=known.skipped[Status.STAMP_OUT_OF_ORDER],
             unpublished=known.unpublished,
         )
 
     def _unusable(self, recent: Counter[str]) -> str:
         """Return why no image could be processed."""
-        if recent['processed'] or not (recent['refused'] or recent['repeated']):
+        worst = max(('refused', 'repeated', 'late'), key=lambda name: recent[name])
+        if recent['processed'] or not recent[worst]:
             return ''
-        if recent['refused'] >= recent['repeated']:
-            why = f'{recent["refused"]} were refused: {self._statistics.last_error}'
-        else:
-            why = (
-                f'{recent["repeated"]} have the same header stamp as the image before: the driver '
-                f'must set a stamp for each image'
-            )
+        why = (
+            f'{recent[worst]} '
+            + {
+                'refused': f'were refused: {self._statistics.last_error}',
+                'repeated': 'have the same header stamp as the image before: the driver must set '
+                'a stamp for each image',
+                'late': 'have an older header stamp than the image before: correct the driver',
+            }[worst]
+        )
         return f'none of the last {recent["received"]} images was processed; {why}'
 
     def _loss(self, recent: Counter[str]) -> str:
