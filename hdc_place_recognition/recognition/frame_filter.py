@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from itertools import combinations
-from statistics import median
+from itertools import pairwise
+from statistics import median_low
 
 from hdc_place_recognition.results import Status
 
@@ -137,15 +137,9 @@ class FrameFilter:
         return passed - paid
 
     def _longest_ns(self) -> int:
-        """
-        Return the longest step that is no jump, by the usual step of the last frames.
-
-        The usual step is the median slope of all pairs of frames (the Theil-Sen estimator), which
-        stamps that jump ahead and back do not change.
-        """
-        pairs = combinations(enumerate(self._stamps), 2)
-        slopes = [(late - early) // (j - i) for (i, early), (j, late) in pairs]
-        return _USUAL_STEPS * int(median(slopes)) if slopes else 0
+        """Return the longest step that is no jump, by the median step of the last frames."""
+        steps = [late - early for early, late in pairwise(self._stamps)]
+        return _USUAL_STEPS * median_low(steps) if steps else 0
 
     def _returns(self, stamp_ns: int) -> bool:
         """Return whether a stamp lies in the gap that the last jump has left."""

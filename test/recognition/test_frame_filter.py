@@ -119,6 +119,11 @@ def test_stamps_that_jump_ahead_and_back_do_not_age_the_database():
         assert 90_000 * MS < clock_ns <= 150_000 * MS
 
 
+def test_a_clock_that_steps_ahead_every_second_ages_little():
+    _, clock_ns = accept([i * 250 * MS + i // 4 * 5000 * MS for i in range(400)], 0)
+    assert clock_ns < 1.8 * 100_000 * MS
+
+
 def test_no_stamp_occurs_twice_in_a_session():
     # The stamps reach again and again what a jump has used before.
     for jump, run in ((4500 * MS, 4), (1500 * MS, 1), (10_000 * MS, 10), (250 * MS, 5)):
