@@ -71,9 +71,11 @@ class StoredMessage:
     A serialized message of a bag.
 
     :param where: bag, topic and 1-based message number, for error messages.
+    :param recorded_ns: time at which the message was recorded.
     """
 
     where: str
+    recorded_ns: int
     _reader: Any
     _msgtype: str
     _data: bytes
@@ -106,9 +108,9 @@ def messages(bag: Path, topic: str) -> Generator[StoredMessage, None, None]:
                 entry = next(entries, None)
             if entry is None:
                 return
-            connection, _, data = entry
+            connection, recorded_ns, data = entry
             where = f'bag {bag}, topic {topic}, message {number}'
-            yield StoredMessage(where, reader, connection.msgtype, data)
+            yield StoredMessage(where, recorded_ns, reader, connection.msgtype, data)
 
 
 @contextmanager

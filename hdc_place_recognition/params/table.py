@@ -225,7 +225,8 @@ class Params:
     )
     exclude_recent_s: float = param(
         15.0,
-        'Minimum age of a candidate. Time during which the robot stands still is not counted.',
+        'Minimum age of a candidate. Time during which the robot stands still is not counted; '
+        'a gap between images or a jump of the clock counts as two images, or one second.',
         unit='s',
         low=0.0,
         high=86400.0,
@@ -304,14 +305,14 @@ class Params:
     image_transport: str = param(
         'raw',
         'Type of the image topic: sensor_msgs/Image (raw) or sensor_msgs/CompressedImage '
-        '(compressed).',
+        '(compressed); /compressed is appended to the name of the topic then.',
         choices=('raw', 'compressed'),
     )
     image_qos: str = param(
-        'sensor_data',
-        'QoS of the image subscription: best effort (sensor_data), or reliable, which loses '
-        'no images but needs a reliable publisher.',
-        choices=('sensor_data', 'reliable'),
+        'auto',
+        'QoS of the image subscription: that of the publishers (auto: reliable if all of them '
+        'are), best effort (sensor_data), or reliable, which needs reliable publishers.',
+        choices=('auto', 'sensor_data', 'reliable'),
     )
     image_rectified: bool = param(
         False,

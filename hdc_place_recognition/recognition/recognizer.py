@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hdc_place_recognition.conversions.pixels import as_uint8
@@ -69,7 +69,8 @@ class PlaceRecognizer:
         self.params, self.database = params, database
         self._encoder, self._verifier = encoder, verifier
         self._traverses: dict[str, Traverse] = {}
-        self._traverse_count = 0
+        # By the number of the traverse.
+        self._sessions: list[int] = []
 
     @property
     def identity(self) -> str:
@@ -91,10 +92,11 @@ class PlaceRecognizer:
         """
         params, image = params or self.params, as_uint8(frame.image)
         # 1 Skip frames that come too soon.
-        traverse = self.traverse(frame.camera)
-        skipped = traverse.filter.accept(frame.stamp_ns, nanoseconds(params.min_interval_s))
+        skipped = self.skip_reason(frame.stamp_ns, frame.camera, params)
         if skipped is not None:
             return Detection(frame.stamp_ns, skipped)
+        traverse = self._continued(frame)
+        traverse.filter.accept(frame.stamp_ns, nanoseconds(params.min_interval_s))
         # 2 Encode: local features to one hypervector (Eq. 4), keypoints for verification.
         watch = Stopwatch()
         encoded = self._encoder.encode(image, watch)
@@ -132,12 +134,16 @@ class PlaceRecognizer:
         interval_ns = nanoseconds((params or self.params).min_interval_s)
         return self.traverse(camera).filter.skip_reason(stamp_ns, interval_ns)
 
+    def begins_session(self, stamp_ns: int, camera: str = _DEFAULT_CAMERA) -> bool:
+        """Return whether the next frame, with this stamp, begins a session: time was set back."""
+        return self.traverse(camera).filter.begins_session(stamp_ns)
+
     def traverse(self, camera: str = _DEFAULT_CAMERA) -> Traverse:
         """Return the traverse of a camera; its calibration and odometry may be set there."""
         return self._traverses.get(camera) or self._new_traverse(camera)
 
     def start_traverse(self, camera: str = _DEFAULT_CAMERA) -> Traverse:
-        """Begin another traverse: the next image does not continue those before it."""
+        """Begin another session: the next image does not continue those before it."""
         before = self._traverses.get(camera)
         traverse = self._new_traverse(camera)
         if before is not None:
@@ -187,17 +193,29 @@ class PlaceRecognizer:
         self._note(query, traverse, (), added)
         return added
 
+    def _continued(self, frame: Frame) -> Traverse:
+        """Return the traverse that a frame continues or, if the clock was set back, begins."""
+        if self.begins_session(frame.stamp_ns, frame.camera):
+            return self.start_traverse(frame.camera)
+        return self.traverse(frame.camera)
+
     def _new_traverse(self, camera: str) -> Traverse:
-        clock_ns = max((known.filter.clock_ns for known in self._traverses.values()), default=0)
+        known = self._traverses.values()
+        clock_ns = max((traverse.filter.clock_ns for traverse in known), default=0)
+        if camera in self._traverses:
+            session = self._traverses[camera].session + 1
+        else:
+            session = max((traverse.session for traverse in known), default=0)
         traverse = Traverse(
-            self._traverse_count,
+            len(self._sessions),
             self.params,
             self._verifier.settings,
             self._encoder.hasher,
             clock_ns,
+            session,
         )
         self._traverses[camera] = traverse
-        self._traverse_count += 1
+        self._sessions.append(session)
         return traverse
 
     def _query(
@@ -248,9 +266,10 @@ class PlaceRecognizer:
             return ()
         other_visits = self._other_visits(query, traverse, params)
         with watch.stage('query' if query.keypoints is None else 'verify'):
-            return self._verifier.verify(
+            found = self._verifier.verify(
                 query, result, traverse.verification, traverse.camera, params, other_visits
             )
+        return tuple(self._with_sessions(candidate, traverse.session) for candidate in found)
 
     def _other_visits(self, query: Query, traverse: Traverse, params: Params) -> NDArray[np.int64]:
         """Return the keyframes that appearance alone may match: of another session, or old."""
@@ -258,6 +277,10 @@ class PlaceRecognizer:
             return np.empty(0, np.int64)
         before_ns = traverse.filter.clock_ns - nanoseconds(params.appearance_gap_s)
         return self.database.other_visits(traverse.number, before_ns)
+
+    def _with_sessions(self, candidate: Candidate, session: int) -> Candidate:
+        matched = self._sessions[self.database.get(candidate.match_id).traverse]
+        return replace(candidate, query_session=session, match_session=matched)
 
     def _store(
         self, query: Query, traverse: Traverse, result: SearchResult, watch: Stopwatch

@@ -24,13 +24,15 @@ class Traverse:
     """
     All that the recognizer remembers from one image to the next, besides the database.
 
-    Two cameras, or two sessions, are two traverses; they share the database and nothing else.
+    Two cameras, or two sessions, are two traverses; they share the database and nothing else. A
+    clock that is set back ends a traverse and begins the next one.
 
     :param number: keyframes of one number follow each other.
     :param params: fix the sequence of images that are bundled.
     :param settings: of verification.
     :param hasher: turns keypoints into words.
     :param clock_ns: time at the start, so that keyframes of earlier traverses are older.
+    :param session: number of the session; within a session no stamp occurs twice.
     :ivar camera: that takes the images, None if it is not calibrated; may be replaced.
     :ivar odometry: returns the pose of the robot at a stamp; may be replaced.
     """
@@ -42,8 +44,9 @@ class Traverse:
         settings: VerificationSettings,
         hasher: WordHasher,
         clock_ns: int = 0,
+        session: int = 0,
     ) -> None:
-        self.number = number
+        self.number, self.session = number, session
         self.filter = FrameFilter(clock_ns)
         self.sequence = SequenceBundler(
             dimensions=params.dimensions, length=params.sequence_length, seed=params.seed

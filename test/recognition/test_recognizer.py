@@ -366,3 +366,48 @@ def test_what_features_without_a_grid_go_without_is_said_once(caplog):
         assert recognizer._encoder.encode(texture(place)).grid is None
     (line,) = [record.getMessage() for record in caplog.records]
     assert 'are no grid' in line and line.startswith('the features "rootsift')
+
+
+def test_a_clock_set_back_begins_a_session_that_closures_name():
+    recognizer = new_recognizer()
+    for lap in range(2):
+        found = [recognizer.process(Frame(n * S, texture(n))) for n in range(10)][-1]
+        assert recognizer.traverse().session == lap
+    best = found.accepted[0]
+    assert (best.query_stamp_ns, best.match_stamp_ns) == (9 * S, 9 * S)
+    assert (best.query_session, best.match_session) == (1, 0)
+
+
+def test_sessions_keep_camera_and_odometry_and_share_nothing_else():
+    recognizer = new_recognizer()
+    first = recognizer.traverse()
+    first.odometry = lambda stamp_ns: None
+    drive([1, 2], recognizer)
+    assert recognizer.begins_session(0) and not recognizer.begins_session(2 * S)
+    recognizer.process(Frame(0, texture(3)))
+    second = recognizer.traverse()
+    assert second is not first and second.odometry is first.odometry
+    assert recognizer.database.near(2, 1) == ()
+
+
+def test_cameras_of_a_robot_have_the_same_sessions():
+    recognizer = new_recognizer()
+    for stamp in (5 * S, 0):
+        recognizer.process(Frame(stamp, texture(0), 'left'))
+    recognizer.process(Frame(0, texture(0), 'right'))
+    assert recognizer.traverse('left').session == recognizer.traverse('right').session == 1
+
+
+def test_a_stamp_in_the_future_makes_no_keyframe_old():
+    recognizer = new_recognizer()
+    drive([0, 1, 2], recognizer)
+    found = recognizer.process(Frame(9_999 * S, texture(1)))
+    assert found.status is Status.DATABASE_TOO_YOUNG
+    after = [recognizer.process(Frame(n * S, texture(1))) for n in (4, 5)]
+    assert not any(detection.accepted for detection in after)
+
+
+def test_frames_without_stamps_are_processed_in_order_of_arrival():
+    recognizer = new_recognizer(exclude_recent_s=1.0)
+    found = [recognizer.process(Frame(0, texture(n % 15))) for n in range(20)]
+    assert found[-1].accepted[0].match_id == 4
