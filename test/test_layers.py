@@ -27,6 +27,7 @@ FLOORS = (
     ('params',),
     ('results',),
     ('camera',),
+    ('bounded_files',),
     ('errors',),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -314,6 +314,14 @@ class Params:
         'are), best effort (sensor_data), or reliable, which needs reliable publishers.',
         choices=('auto', 'sensor_data', 'reliable'),
     )
+    max_image_pixels: int = param(
+        50_000_000,
+        'Images of more pixels are refused, compressed images by their header. This bounds the '
+        'memory that a damaged or hostile image takes.',
+        unit='px',
+        low=1,
+        high=1_000_000_000,
+    )
     image_rectified: bool = param(
         False,
         'True if the images are rectified. The matrix P of camera_info is used then, '

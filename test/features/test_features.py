@@ -142,12 +142,27 @@ def test_a_larger_image_is_reduced_and_its_keypoints_are_in_its_own_pixels(name)
         ((200, 300), (192, 288)),
         ((375, 1242, 3), (96, 320, 3)),
         ((20, 5000), (32, 320)),
+        ((1920, 1080), (560, 320)),
+        ((2560, 640), (1280, 320)),
+        ((2561, 640), (1280, 304)),
+        ((100_000, 320), (1280, 32)),
+        ((100_000, 20), (1280, 32)),
         ((5, 5, 3), (32, 32, 3)),
     ],
 )
 def test_sides_are_multiples_and_never_grow_but_to_the_smallest(shape, reduced):
     image = np.zeros(shape, np.uint8)
     assert reduce_to_width(image, 320, multiple=16, smallest=32).shape == reduced
+
+
+@pytest.mark.parametrize('name', ['gradient_grid', 'rootsift', 'orb'])
+def test_a_very_high_image_has_few_features_in_its_own_pixels(name):
+    image = np.random.default_rng(0).integers(0, 256, (40_000, 320), np.uint8)
+    features = create(name).extract(image)
+    assert (features.width, features.height) == (320, 40_000)
+    assert len(features) <= 300
+    if len(features):
+        assert features.keypoints[:, 1].max() > 20_000
 
 
 def test_an_image_that_is_small_enough_is_not_copied():
