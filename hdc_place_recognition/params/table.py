@@ -112,7 +112,8 @@ class Params:
     )
     image_width: int = param(
         320,
-        'Larger images are resized to this width before feature extraction.',
+        'Width that images are reduced to before feature extraction; images of at most half of it '
+        'are enlarged to it.',
         unit='px',
         low=32,
         high=4096,

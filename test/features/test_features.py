@@ -14,8 +14,8 @@ from hdc_place_recognition.features.registry import create_extractor, EXTRACTORS
 from hdc_place_recognition.features.resize import (
     as_bgr,
     as_gray,
+    fit_width,
     grid,
-    reduce_to_width,
     restore,
 )
 from hdc_place_recognition.params.table import Params, spec
@@ -147,12 +147,15 @@ def test_a_larger_image_is_reduced_and_its_keypoints_are_in_its_own_pixels(name)
         ((2561, 640), (1280, 304)),
         ((100_000, 320), (1280, 32)),
         ((100_000, 20), (1280, 32)),
-        ((5, 5, 3), (32, 32, 3)),
+        ((120, 160), (240, 320)),
+        ((121, 161), (112, 160)),
+        ((5, 5, 3), (320, 320, 3)),
+        ((2, 200), (32, 192)),
     ],
 )
-def test_sides_are_multiples_and_never_grow_but_to_the_smallest(shape, reduced):
+def test_sides_are_multiples_and_only_small_images_grow(shape, reduced):
     image = np.zeros(shape, np.uint8)
-    assert reduce_to_width(image, 320, multiple=16, smallest=32).shape == reduced
+    assert fit_width(image, 320, multiple=16, smallest=32).shape == reduced
 
 
 @pytest.mark.parametrize('name', ['gradient_grid', 'rootsift', 'orb'])
@@ -167,7 +170,7 @@ def test_a_very_high_image_has_few_features_in_its_own_pixels(name):
 
 def test_an_image_that_is_small_enough_is_not_copied():
     image = scene()
-    assert reduce_to_width(image, 320, multiple=16, smallest=32) is image
+    assert fit_width(image, 320, multiple=16, smallest=32) is image
 
 
 def test_gray_and_color():
@@ -331,11 +334,13 @@ def test_a_keypoint_of_a_larger_image_is_larger_and_turned_the_same():
         ((100, 200), 100, (50, 100)),
         ((99, 200), 100, (49, 100)),
         ((100, 99), 100, (100, 99)),
+        ((51, 51), 100, (51, 51)),
+        ((40, 50), 100, (80, 100)),
         ((1, 200), 100, (1, 100)),
     ],
 )
 def test_the_aspect_is_kept_and_sides_are_rounded_down(shape, width, reduced):
-    assert reduce_to_width(np.zeros(shape, np.uint8), width).shape == reduced
+    assert fit_width(np.zeros(shape, np.uint8), width).shape == reduced
 
 
 def test_places_are_restored_in_both_directions():
