@@ -67,7 +67,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'place_recognition_node = hdc_place_recognition.ros.main:main',
+            'place_recognition_node = hdc_place_recognition.ros.start:main',
             'hdc_evaluate = hdc_place_recognition.cli.evaluate:main',
             'hdc_experiments = hdc_place_recognition.cli.experiments:main',
             'hdc_benchmark = hdc_place_recognition.benchmark.command:main',

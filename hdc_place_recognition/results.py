@@ -59,6 +59,7 @@ class Reason(Enum):
     AT_EDGE = 'at the edge of the keyframes searched: a better match may lie outside'
     NO_SUPPORT = 'no support by the images before'
     UNLIKELY = 'low similarity'
+    SAME_VISIT = 'the view has not been left since'
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,9 @@ class Candidate:
     :param shift_y: how far down, share of the height.
     :param rotation: of an accepted candidate, the orientation of the query's camera in the frame
         of the keyframe's camera (x right, y down, z ahead); None without camera_info.
+    :param query_session: number of the session of the query image. A session begins when the clock
+        is set back; within a session no stamp occurs twice.
+    :param match_session: number of the session of the keyframe.
     """
 
     query_stamp_ns: int
@@ -91,6 +95,8 @@ class Candidate:
     shift_x: float
     shift_y: float
     rotation: Quaternion | None = None
+    query_session: int = 0
+    match_session: int = 0
 
 
 @dataclass(frozen=True)
@@ -180,6 +186,15 @@ CANDIDATE_FIELDS = (
     _rotation('qy', 1, 'its y'),
     _rotation('qz', 2, 'its z'),
     _rotation('qw', 3, 'its w'),
+    CandidateField(
+        'query_session',
+        'u4',
+        lambda found: found.query_session,
+        'session of the query image; a session begins when the clock is set back',
+    ),
+    CandidateField(
+        'match_session', 'u4', lambda found: found.match_session, 'session of the keyframe'
+    ),
 )
 
 
@@ -198,6 +213,8 @@ def candidate_from(values: Mapping[str, Any]) -> Candidate:
         shift_x=float(values['shift_x']),
         shift_y=float(values['shift_y']),
         rotation=None if np.isnan(rotation).any() else rotation,  # type: ignore[arg-type]
+        query_session=int(values['query_session']),
+        match_session=int(values['match_session']),
     )
 
 

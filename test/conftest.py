@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 import sys
@@ -18,6 +19,17 @@ ROOT = Path(__file__).resolve().parent.parent
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '87')
 os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
+# launch, which the pytest plug-ins of launch_testing load, sets a class of loggers that do not
+# propagate: caplog would see no record of the package.
+logging.setLoggerClass(logging.Logger)
+
+
+@pytest.fixture(autouse=True)
+def propagating_loggers() -> None:
+    """Let caplog see what loggers record that were made before this file was read."""
+    for name, logger in logging.root.manager.loggerDict.items():
+        if name.startswith('hdc_place_recognition') and isinstance(logger, logging.Logger):
+            logger.propagate = True
 
 
 class CellExtractor:

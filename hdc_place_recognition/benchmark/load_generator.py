@@ -162,7 +162,7 @@ class LoadGenerator(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name.startswith(NODE_NAME):
+            if NODE_NAME in status.name:
                 self._counts = {
                     item.key: int(item.value) for item in status.values if item.value.isdecimal()
                 }

@@ -66,7 +66,7 @@ class Bag:
             if topic.serialization in _READABLE
         ]
 
-    def messages(self, name: str) -> Iterator[tuple[Topic, bytes]]:
+    def messages(self, name: str) -> Iterator[tuple[Topic, int, bytes]]:
         """
         Yield the serialized messages of a topic in the order of the bag.
 
@@ -80,9 +80,9 @@ class Bag:
                 if topic.name == name and topic.serialization in _READABLE
             }
             if keys:
-                for topic, data in storage.messages(keys):
+                for topic, recorded_ns, data in storage.messages(keys):
                     compressed = topic.serialization == 'cdr' and data[:4] == ZSTD_MAGIC
-                    yield topic, decompress_zstd(data) if compressed else data
+                    yield topic, recorded_ns, decompress_zstd(data) if compressed else data
 
 
 @contextmanager
@@ -221,12 +221,12 @@ class _Ros1Storage:
             for item in self._reader.connections
         ]
 
-    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, bytes]]:
+    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, int, bytes]]:
         """Yield the serialized messages of topics by the time at which they were received."""
         by_key = {topic.key: topic for topic in self.topics}
         chosen = [self._connections[key] for key in sorted(keys)]
-        for connection, _, data in self._reader.messages(chosen):
-            yield by_key[connection.id], data
+        for connection, recorded_ns, data in self._reader.messages(chosen):
+            yield by_key[connection.id], recorded_ns, data
 
     def close(self) -> None:
         """Close the file."""

@@ -70,12 +70,12 @@ class McapStorage:
             self.close()
             raise
 
-    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, bytes]]:
+    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, int, bytes]]:
         """Yield the serialized messages of topics by the time at which they were received."""
         by_key = {topic.key: topic for topic in self.topics}
         if not self._chunks:
-            for _, key, data in self._scan(keys):
-                yield by_key[key], data
+            for recorded_ns, key, data in self._scan(keys):
+                yield by_key[key], recorded_ns, data
             return
         waiting: list[tuple[int, int, int, bytes]] = []
         order = count()
@@ -84,13 +84,13 @@ class McapStorage:
                 continue
             # No later chunk has messages from before its start.
             while waiting and waiting[0][0] < chunk.start_time:
-                _, _, key, data = heapq.heappop(waiting)
-                yield by_key[key], data
+                recorded_ns, _, key, data = heapq.heappop(waiting)
+                yield by_key[key], recorded_ns, data
             for stamp, key, data in self._messages_at(chunk.position, keys):
                 heapq.heappush(waiting, (stamp, next(order), key, data))
         while waiting:
-            _, _, key, data = heapq.heappop(waiting)
-            yield by_key[key], data
+            recorded_ns, _, key, data = heapq.heappop(waiting)
+            yield by_key[key], recorded_ns, data
 
     def close(self) -> None:
         """Close the file."""

@@ -81,9 +81,11 @@ class StoredMessage:
     A serialized message of a bag.
 
     :param where: bag, topic and 1-based message number, for error messages.
+    :param recorded_ns: time at which the message was recorded.
     """
 
     where: str
+    recorded_ns: int
     _decode: Callable[[bytes, str], Any]
     _msgtype: str
     _data: bytes
@@ -122,6 +124,6 @@ def messages(bag: Path, topic: str) -> Generator[StoredMessage, None, None]:
                     )
             if entry is None:
                 return
-            item, data = entry
+            item, recorded_ns, data = entry
             where = f'bag {bag}, topic {topic}, message {number}'
-            yield StoredMessage(where, _decoder(opened.ros1), item.msgtype, data)
+            yield StoredMessage(where, recorded_ns, _decoder(opened.ros1), item.msgtype, data)

@@ -38,19 +38,19 @@ class SqliteStorage:
             self.close()
             raise
 
-    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, bytes]]:
+    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, int, bytes]]:
         """Yield the serialized messages of topics by the time at which they were received."""
         by_key = {topic.key: topic for topic in self.topics}
         marks = ', '.join('?' * len(keys))
         rows = self._database.execute(
-            f'SELECT topic_id, data FROM messages WHERE topic_id IN ({marks}) '
+            f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) '
             'ORDER BY timestamp, id',
             sorted(keys),
         )
-        for key, data in rows:
+        for key, recorded_ns, data in rows:
             if not isinstance(data, bytes):
                 raise ValueError(f'a message is a {type(data).__name__} instead of bytes')
-            yield by_key[key], data
+            yield by_key[key], recorded_ns, data
 
     def close(self) -> None:
         """Close the file."""

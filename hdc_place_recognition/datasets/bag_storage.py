@@ -35,8 +35,8 @@ class Storage(Protocol):
 
     topics: list[Topic]
 
-    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, bytes]]:
-        """Yield the serialized messages of topics in the order in which they were received."""
+    def messages(self, keys: set[int]) -> Iterator[tuple[Topic, int, bytes]]:
+        """Yield topics, times of recording (ns) and serialized messages, by these times."""
 
     def close(self) -> None:
         """Close the file."""

@@ -3,14 +3,15 @@
 """
 Images, poses and cameras from rosbags.
 
-All stamps are header stamps of the messages; the receive times of the bag are not used.
+All stamps are header stamps of the messages. The times of recording are used only for images of a
+driver that sets no stamps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import logging
 from pathlib import Path
 
@@ -37,6 +38,10 @@ POSE_TYPES = (
     'sensor_msgs/msg/NavSatFix',
 )
 CAMERA_TYPES = ('sensor_msgs/msg/CameraInfo',)
+_UNSTAMPED = (
+    'the stamp is 0 again: the driver of the camera sets no stamps; '
+    '--skip-bad uses the times of recording instead'
+)
 _WARNINGS = 5  # the first bad messages are logged one by one, all are counted
 
 
@@ -50,7 +55,8 @@ class BagImages:
     :param n_messages: number of messages of the topic.
     :param skip_bad: log a warning for a bad message instead of raising an error. A message
         without a valid image is skipped. An image whose stamp does not increase is yielded; the
-        recognizer skips it, as in the node.
+        recognizer skips it, as in the node. From the second stamp of 0 on, images without stamp
+        get the time of recording.
     :param max_pixels: images of more pixels are refused.
     """
 
@@ -85,10 +91,13 @@ class BagImages:
         :raises PlaceRecognitionError: a message is bad and `skip_bad` is False, or the bag is
             damaged.
         """
-        last_ns, n_bad = None, 0
+        last_ns, n_bad, unstamped = None, 0, False
         converter = ImageConverter(self.max_pixels)
         for message in messages(self.bag, self.topic):
             frame, problem = _frame(message, converter, last_ns)
+            if frame and frame.stamp_ns == 0 and (unstamped or last_ns == 0):
+                problem = '' if unstamped else f'{message.where}: {_UNSTAMPED}'
+                frame, unstamped = replace(frame, stamp_ns=message.recorded_ns), True
             if problem:
                 n_bad += 1
                 self._report(problem, n_bad)
@@ -107,7 +116,8 @@ class BagImages:
     def _report(self, problem: str, n_bad: int) -> None:
         """Log a bad message; raise an error if bad messages are not to be skipped."""
         if not self.skip_bad:
-            raise PlaceRecognitionError(f'{problem}; --skip-bad skips such messages')
+            remedy = '' if problem.endswith(_UNSTAMPED) else '; --skip-bad skips such messages'
+            raise PlaceRecognitionError(problem + remedy)
         if n_bad <= _WARNINGS:
             _log.warning('%s', problem)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth from matrices (gt.npz) and from poses."""
+"""Ground truth from matrices (gt.npz), from poses and from aligned traverses."""
 
 from __future__ import annotations
 
@@ -26,6 +26,9 @@ _HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], Any]] = {
 }
 _ANY_ANGLE = 180.0  # degrees, the largest angle between two directions
 SOFT_FACTOR = 2.0  # radius and angle of soft pairs, relative to hard pairs
+# Aligned traverses: +-2 is the tolerance of stromovka_part1 and gardens_point_thumbs, +-5 that of
+# the README of nordland_64x32_part1.
+HARD_FRAMES, SOFT_FRAMES = 2, 5
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,31 @@ class PoseTruth:
         max_angle = factor * self.max_angle_deg
         return (distance <= factor * self.radius_m) & (
             (angle <= max_angle) | (max_angle >= _ANY_ANGLE)
+        )
+
+
+@dataclass(frozen=True)
+class AlignedTruth:
+    """
+    Ground truth of two traverses whose images of the same index show the same place.
+
+    Images at most HARD_FRAMES (2) apart are hard matches; at most SOFT_FRAMES (5) apart, soft.
+
+    :param interval_ns: time from one image to the next, the same in both traverses.
+    """
+
+    interval_ns: int
+
+    @property
+    def summary(self) -> str:
+        """Return a short text that says when two images show the same place."""
+        return f'same index +-{HARD_FRAMES} (ignored up to +-{SOFT_FRAMES})'
+
+    def truth(self, query_stamps_ns: Stamps, database_stamps_ns: Stamps) -> Truth:
+        """Return the truth for the images with these stamps."""
+        apart_ns = np.abs(query_stamps_ns[:, None] - database_stamps_ns)
+        return Truth(
+            apart_ns <= HARD_FRAMES * self.interval_ns, apart_ns <= SOFT_FRAMES * self.interval_ns
         )
 
 

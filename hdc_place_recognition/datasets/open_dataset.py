@@ -11,6 +11,7 @@ from pathlib import Path
 
 from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.datasets import bags
+from hdc_place_recognition.datasets.arrays import FILE, open_arrays
 from hdc_place_recognition.datasets.dataset import Dataset, Frames, GroundTruth, Mode
 from hdc_place_recognition.datasets.folders import FolderImages, has_yaw, read_poses
 from hdc_place_recognition.datasets.ground_truth import load_matrices, MatrixTruth, PoseTruth
@@ -95,7 +96,7 @@ def open_dataset(
     """
     Open a bag or an image folder as a dataset.
 
-    :param path: a bag, or a folder with images/ (or images/ref and images/query).
+    :param path: a bag, or a folder with images/ (or images/ref and images/query) or frames.npz.
     :param database: bag or folder of an earlier traverse that `path` is compared with; None to
         find loops within `path`.
     :param options: topics and ground-truth limits.
@@ -111,6 +112,8 @@ def open_dataset(
             for part in ('query', 'ref')
         )
         return _traverses(name, query, reference, path, options)
+    if (path / FILE).is_file():
+        return open_arrays(name, path / FILE)
     return _single(name, _open(path, options), path, options)
 
 

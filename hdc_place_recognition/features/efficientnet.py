@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import cv2
 from hdc_place_recognition.features.local_features import LocalFeatures
-from hdc_place_recognition.features.resize import as_bgr, grid, Image, reduce_to_width, restore
+from hdc_place_recognition.features.resize import as_bgr, fit_width, grid, Image, restore
 from hdc_place_recognition.networks import onnx_graph, runtime, weights
 from hdc_place_recognition.networks.cache import cached
 import numpy as np
@@ -19,9 +19,9 @@ _SMALLEST = 32
 
 class EfficientNetLite0:
     """
-    Describes every cell of block 10's grid, one each 16 x 16 pixels of the reduced image.
+    Describes every cell of block 10's grid, one each 16 x 16 pixels of the fitted image.
 
-    :param image_width: larger images are reduced to this width, pixels.
+    :param image_width: images are fitted to this width, pixels.
     :param threads: CPU threads of the network's runtime, 0 for its own choice.
     :raises PlaceRecognitionError: a package or the weights are missing, or the weights damaged.
     """
@@ -40,18 +40,16 @@ class EfficientNetLite0:
 
         :return: k = 0 if all pixels are equal.
         """
-        reduced = reduce_to_width(
-            as_bgr(image), self._image_width, multiple=STRIDE, smallest=_SMALLEST
-        )
+        fitted = fit_width(as_bgr(image), self._image_width, multiple=STRIDE, smallest=_SMALLEST)
         height, width = image.shape[:2]
-        pixels = reduced.reshape(-1, 3)
+        pixels = fitted.reshape(-1, 3)
         if np.array_equal(pixels[1:], pixels[:-1]):
             nothing = np.empty((0, onnx_graph.CHANNELS[onnx_graph.FEATURES]), np.float32)
             return LocalFeatures(np.empty((0, 2), np.float32), nothing, width, height)
-        features = self._run(normalized(reduced))[0][0]
+        features = self._run(normalized(fitted))[0][0]
         points = grid(features.shape[1:], step=STRIDE, first=STRIDE // 2)
         return LocalFeatures(
-            keypoints=restore(points, reduced, image),
+            keypoints=restore(points, fitted, image),
             descriptors=np.ascontiguousarray(features.reshape(len(features), -1).T),
             width=width,
             height=height,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import cv2
 from hdc_place_recognition.features.local_features import LocalFeatures
-from hdc_place_recognition.features.resize import as_gray, grid, Image, reduce_to_width, restore
+from hdc_place_recognition.features.resize import as_gray, fit_width, grid, Image, restore
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -28,9 +28,9 @@ class GradientGrid:
     """
     Describes each point of a grid by the histograms of the 4 x 4 cells of 8 x 8 pixels around it.
 
-    Points are 16 pixels of the reduced image apart; those without any gradient are left out.
+    Points are 16 pixels of the fitted image apart; those without any gradient are left out.
 
-    :param image_width: larger images are reduced to this width, pixels.
+    :param image_width: images are fitted to this width, pixels.
     """
 
     def __init__(self, *, image_width: int) -> None:
@@ -39,9 +39,7 @@ class GradientGrid:
 
     def extract(self, image: Image) -> LocalFeatures:
         """Return the 128-D features of a (h, w) gray or (h, w, 3) BGR image, of unit length."""
-        gray = reduce_to_width(
-            as_gray(image), self._image_width, multiple=CELL, smallest=CELL * BLOCK
-        )
+        gray = fit_width(as_gray(image), self._image_width, multiple=CELL, smallest=CELL * BLOCK)
         blocks = sliding_window_view(cell_histograms(gray), (BLOCK, BLOCK), (0, 1))[::STEP, ::STEP]
         points = grid(blocks.shape[:2], step=CELL * STEP, first=CELL * BLOCK // 2)
         descriptors = blocks.reshape(len(points), -1)

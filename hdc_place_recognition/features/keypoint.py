@@ -9,7 +9,7 @@ from typing import Any
 
 import cv2
 from hdc_place_recognition.features.local_features import LocalFeatures
-from hdc_place_recognition.features.resize import as_gray, Image, reduce_to_width, restore
+from hdc_place_recognition.features.resize import as_gray, fit_width, Image, restore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +23,7 @@ class KeypointExtractor:
     :param name: of the method.
     :param detector: OpenCV's detector and descriptor.
     :param finish: turns the detector's descriptors (k, n) into those of the method, (k, m).
-    :param image_width: larger images are reduced to this width, pixels.
+    :param image_width: images are fitted to this width, pixels.
     :param max_features: k at most.
     """
 
@@ -42,7 +42,7 @@ class KeypointExtractor:
 
     def extract(self, image: Image) -> LocalFeatures:
         """Return the features of a (h, w) gray or (h, w, 3) BGR image; k = 0 on a blank one."""
-        gray = reduce_to_width(as_gray(image), self._image_width)
+        gray = fit_width(as_gray(image), self._image_width)
         keypoints, descriptors = self._detect(gray)
         table = _table(keypoints)
         best = np.lexsort(table.T)[: self._max_features]

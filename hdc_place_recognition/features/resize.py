@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 # Height of the reduced image in units of the width that it may have.
 LARGEST_ASPECT = 4
+# An image this many times narrower than the width is enlarged: measured at 160 pixels, the loops
+# found rise by a sixth to double (corridor .83 to .98, stromovka .28 to .60); at 240, by none.
+_ENLARGED_FROM = 2
 
 
 def as_gray(image: Image) -> Image:
@@ -27,27 +30,30 @@ def as_bgr(image: Image) -> Image:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
-def reduce_to_width(image: Image, width: int, *, multiple: int = 1, smallest: int = 1) -> Image:
+def fit_width(image: Image, width: int, *, multiple: int = 1, smallest: int = 1) -> Image:
     """
-    Return the image reduced to a width, keeping its aspect; smaller images keep their size.
+    Return the image reduced to a width, or enlarged if it is small, keeping its aspect.
 
-    A very high image is reduced further, to a height of LARGEST_ASPECT times the width: time and
-    memory grow with the area.
+    An image between half of the width and the width keeps its size: enlarging it finds no more
+    places. A very high image is made smaller, to a height of LARGEST_ASPECT times the width: time
+    and memory grow with the area.
 
     :param image: (h, w) or (h, w, 3).
-    :param width: of the result at most, in pixels.
+    :param width: of the result, in pixels.
     :param multiple: both sides are rounded down to multiples of this.
-    :param smallest: but to no less than this: only below it is an image enlarged.
+    :param smallest: but to no less than this.
     """
     height, full_width = image.shape[:2]
-    reduced, full = min(width, full_width), full_width
-    if reduced * height > LARGEST_ASPECT * width * full_width:
-        reduced, full = LARGEST_ASPECT * width, height
-    sides = [side * reduced // full // multiple * multiple for side in (full_width, height)]
+    keeps_size = width < full_width * _ENLARGED_FROM and full_width <= width
+    fitted, full = full_width if keeps_size else width, full_width
+    if fitted * height > LARGEST_ASPECT * width * full_width:
+        fitted, full = LARGEST_ASPECT * width, height
+    sides = [side * fitted // full // multiple * multiple for side in (full_width, height)]
     size = [max(smallest, side) for side in sides]
     if size == [full_width, height]:
         return image
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    interpolation = cv2.INTER_CUBIC if size[0] > full_width else cv2.INTER_AREA
+    return np.asarray(cv2.resize(image, size, interpolation=interpolation), np.uint8)
 
 
 def grid(shape: tuple[int, ...], *, step: int, first: int) -> NDArray[np.float32]:
@@ -62,14 +68,14 @@ def grid(shape: tuple[int, ...], *, step: int, first: int) -> NDArray[np.float32
     return np.stack([x, y], axis=1) * np.float32(step) + np.float32(first - 0.5)
 
 
-def restore(keypoints: NDArray[np.float32], reduced: Image, image: Image) -> NDArray[np.float32]:
+def restore(keypoints: NDArray[np.float32], fitted: Image, image: Image) -> NDArray[np.float32]:
     """
-    Return keypoints of the reduced image in pixels of the image given, pixel centers at integers.
+    Return keypoints of the fitted image in pixels of the image given, pixel centers at integers.
 
     :param keypoints: (k, 2) x and y.
-    :param reduced: the image they were found in.
-    :param image: the image it was reduced from.
+    :param fitted: the image they were found in.
+    :param image: the image it was made from.
     """
     height, width = image.shape[:2]
-    scale = np.array([width / reduced.shape[1], height / reduced.shape[0]], np.float32)
+    scale = np.array([width / fitted.shape[1], height / fitted.shape[0]], np.float32)
     return (keypoints + np.float32(0.5)) * scale - np.float32(0.5)

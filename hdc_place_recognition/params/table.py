@@ -112,7 +112,8 @@ class Params:
     )
     image_width: int = param(
         320,
-        'Larger images are resized to this width before feature extraction.',
+        'Width that images are reduced to before feature extraction; images of at most half of it '
+        'are enlarged to it.',
         unit='px',
         low=32,
         high=4096,
@@ -225,7 +226,8 @@ class Params:
     )
     exclude_recent_s: float = param(
         15.0,
-        'Minimum age of a candidate. Time during which the robot stands still is not counted.',
+        'Minimum age of a candidate. Time during which the robot stands still is not counted; '
+        'a gap between images or a jump of the clock counts as two images, or one second.',
         unit='s',
         low=0.0,
         high=86400.0,
@@ -242,7 +244,7 @@ class Params:
     verify: bool = param(True, 'Verify candidates by the geometry of matched keypoints.')
     verify_features: int = param(
         300,
-        'Maximum number of keypoints stored per image for verification, 134 bytes each.',
+        'Maximum number of keypoints stored per image for verification, 70 bytes each.',
         low=8,
         high=10000,
     )
@@ -255,6 +257,21 @@ class Params:
         'closures.',
         low=0.0,
         high=1.0,
+        live=True,
+    )
+    allow_appearance_closures: bool = param(
+        True,
+        'Accept loop closures with another traverse by the appearance of successive images alone, '
+        'where no keypoints agree, as between seasons. Needs a network extractor.',
+        live=True,
+    )
+    appearance_gap_s: float = param(
+        3600.0,
+        'Age from which keyframes of the same traverse count as another visit for '
+        'allow_appearance_closures.',
+        unit='s',
+        low=0.0,
+        high=1e9,
         live=True,
     )
     keyframe_similarity: float = param(
@@ -289,14 +306,14 @@ class Params:
     image_transport: str = param(
         'raw',
         'Type of the image topic: sensor_msgs/Image (raw) or sensor_msgs/CompressedImage '
-        '(compressed).',
+        '(compressed); /compressed is appended to the name of the topic then.',
         choices=('raw', 'compressed'),
     )
     image_qos: str = param(
-        'sensor_data',
-        'QoS of the image subscription: best effort (sensor_data), or reliable, which loses '
-        'no images but needs a reliable publisher.',
-        choices=('sensor_data', 'reliable'),
+        'auto',
+        'QoS of the image subscription: that of the publishers (auto: reliable if all of them '
+        'are), best effort (sensor_data), or reliable, which needs reliable publishers.',
+        choices=('auto', 'sensor_data', 'reliable'),
     )
     max_image_pixels: int = param(
         50_000_000,

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hdc_place_recognition.conversions.pixels import as_uint8
@@ -23,7 +23,8 @@ from hdc_place_recognition.recognition.image_encoder import EncodedImage, ImageE
 from hdc_place_recognition.recognition.stopwatch import Stopwatch
 from hdc_place_recognition.recognition.traverse import Traverse
 from hdc_place_recognition.results import Candidate, Detection, Frame, Status
-from hdc_place_recognition.verification.verifier import CandidateVerifier
+from hdc_place_recognition.verification.verifier import CandidateVerifier, PROPOSED
+import numpy as np
 from numpy.typing import NDArray
 
 _DEFAULT_CAMERA = Frame.camera
@@ -68,7 +69,8 @@ class PlaceRecognizer:
         self.params, self.database = params, database
         self._encoder, self._verifier = encoder, verifier
         self._traverses: dict[str, Traverse] = {}
-        self._traverse_count = 0
+        # By the number of the traverse.
+        self._sessions: list[int] = []
 
     @property
     def identity(self) -> str:
@@ -90,10 +92,11 @@ class PlaceRecognizer:
         """
         params, image = params or self.params, as_uint8(frame.image)
         # 1 Skip frames that come too soon.
-        traverse = self.traverse(frame.camera)
-        skipped = traverse.filter.accept(frame.stamp_ns, nanoseconds(params.min_interval_s))
+        skipped = self.skip_reason(frame.stamp_ns, frame.camera, params)
         if skipped is not None:
             return Detection(frame.stamp_ns, skipped)
+        traverse = self._continued(frame)
+        traverse.filter.accept(frame.stamp_ns, nanoseconds(params.min_interval_s))
         # 2 Encode: local features to one hypervector (Eq. 4), keypoints for verification.
         watch = Stopwatch()
         encoded = self._encoder.encode(image, watch)
@@ -111,6 +114,7 @@ class PlaceRecognizer:
         candidates = self._verify(query, result, traverse, params, watch)
         # 5 Store the image if it is a new keyframe.
         added, not_stored = self._store(query, traverse, result, watch)
+        self._note(query, traverse, candidates, added)
         return _detection(query, encoded.n_features, result, candidates, watch, added, not_stored)
 
     def encode(self, image: NDArray[Any]) -> Hypervector:
@@ -130,16 +134,20 @@ class PlaceRecognizer:
         interval_ns = nanoseconds((params or self.params).min_interval_s)
         return self.traverse(camera).filter.skip_reason(stamp_ns, interval_ns)
 
+    def begins_session(self, stamp_ns: int, camera: str = _DEFAULT_CAMERA) -> bool:
+        """Return whether the next frame, with this stamp, begins a session: time was set back."""
+        return self.traverse(camera).filter.begins_session(stamp_ns)
+
     def traverse(self, camera: str = _DEFAULT_CAMERA) -> Traverse:
         """Return the traverse of a camera; its calibration and odometry may be set there."""
         return self._traverses.get(camera) or self._new_traverse(camera)
 
     def start_traverse(self, camera: str = _DEFAULT_CAMERA) -> Traverse:
-        """Begin another traverse: the next image does not continue those before it."""
+        """Begin another session: the next image does not continue those before it."""
         before = self._traverses.get(camera)
         traverse = self._new_traverse(camera)
         if before is not None:
-            traverse.camera, traverse.odometry = before.camera, before.odometry
+            traverse.continue_camera(before)
         return traverse
 
     def warm_up(self, width: int, height: int) -> None:
@@ -181,13 +189,33 @@ class PlaceRecognizer:
         traverse, query = self.traverse(observation.camera), observation.query
         if query.empty or not query.moved:
             return Added()
-        return self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+        added = self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+        self._note(query, traverse, (), added)
+        return added
+
+    def _continued(self, frame: Frame) -> Traverse:
+        """Return the traverse that a frame continues or, if the clock was set back, begins."""
+        if self.begins_session(frame.stamp_ns, frame.camera):
+            return self.start_traverse(frame.camera)
+        return self.traverse(frame.camera)
 
     def _new_traverse(self, camera: str) -> Traverse:
-        clock_ns = max((known.filter.clock_ns for known in self._traverses.values()), default=0)
-        traverse = Traverse(self._traverse_count, self.params, self._verifier.settings, clock_ns)
+        known = self._traverses.values()
+        clock_ns = max((traverse.filter.clock_ns for traverse in known), default=0)
+        if camera in self._traverses:
+            session = self._traverses[camera].session + 1
+        else:
+            session = max((traverse.session for traverse in known), default=0)
+        traverse = Traverse(
+            len(self._sessions),
+            self.params,
+            self._verifier.settings,
+            self._encoder.hasher,
+            clock_ns,
+            session,
+        )
         self._traverses[camera] = traverse
-        self._traverse_count += 1
+        self._sessions.append(session)
         return traverse
 
     def _query(
@@ -200,11 +228,8 @@ class PlaceRecognizer:
     ) -> Query:
         """Return the query of an image in its traverse; update the mean if the robot moved."""
         with watch.stage('encode'):
-            vectors = traverse.sequence.push(encoded.vectors)
-        pose = traverse.odometry(stamp_ns)
-        moved = traverse.keyframes.moved(vectors[len(vectors) // 2], pose, params)
-        query = Query(stamp_ns, vectors, encoded.keypoints, moved)
-        if moved and not query.empty:
+            query = traverse.query(stamp_ns, encoded, params)
+        if query.moved and not query.empty:
             with watch.stage('query'):
                 self.database.update_mean(query)
         return query
@@ -222,7 +247,7 @@ class PlaceRecognizer:
         with watch.stage('query'):
             return self.database.search(
                 query,
-                max(params.top_k, params.verify_top_k),
+                max(params.top_k, params.verify_top_k, PROPOSED),
                 before_ns=before_ns,
                 skip_newest=skip_newest,
                 without=without,
@@ -239,8 +264,23 @@ class PlaceRecognizer:
     ) -> tuple[Candidate, ...]:
         if query.empty:
             return ()
+        other_visits = self._other_visits(query, traverse, params)
         with watch.stage('query' if query.keypoints is None else 'verify'):
-            return self._verifier.verify(query, result, traverse.temporal, traverse.camera, params)
+            found = self._verifier.verify(
+                query, result, traverse.verification, traverse.camera, params, other_visits
+            )
+        return tuple(self._with_sessions(candidate, traverse.session) for candidate in found)
+
+    def _other_visits(self, query: Query, traverse: Traverse, params: Params) -> NDArray[np.int64]:
+        """Return the keyframes that appearance alone may match: of another session, or old."""
+        if query.cells is None or not params.allow_appearance_closures:
+            return np.empty(0, np.int64)
+        before_ns = traverse.filter.clock_ns - nanoseconds(params.appearance_gap_s)
+        return self.database.other_visits(traverse.number, before_ns)
+
+    def _with_sessions(self, candidate: Candidate, session: int) -> Candidate:
+        matched = self._sessions[self.database.get(candidate.match_id).traverse]
+        return replace(candidate, query_session=session, match_session=matched)
 
     def _store(
         self, query: Query, traverse: Traverse, result: SearchResult, watch: Stopwatch
@@ -256,6 +296,22 @@ class PlaceRecognizer:
             except PlaceRecognitionError as error:
                 return Added(), str(error)
 
+    def _note(
+        self,
+        query: Query,
+        traverse: Traverse,
+        candidates: tuple[Candidate, ...],
+        added: Added,
+    ) -> None:
+        """Remember what a new keyframe shows, and forget evicted ones."""
+        best = next((found.match_id for found in candidates if found.accepted), None)
+        if added.keyframe_id is not None:
+            self._verifier.note_keyframe(query, added.keyframe_id, best, traverse.verification)
+            if best is None:
+                traverse.count_static(query)
+        for keyframe_id in added.evicted:
+            self._verifier.links.evict(keyframe_id)
+
 
 def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = None) -> Keyframe:
     return Keyframe(
@@ -263,6 +319,8 @@ def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = Non
         clock_ns=clock_ns,
         vector=query.unshifted,
         keypoints=query.keypoints,
+        words=query.words,
+        cells=query.cells,
         traverse=traverse,
         twin=twin,
     )

@@ -1,6 +1,6 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command place_recognition_node: how the node starts and ends."""
+"""How the node starts and ends."""
 
 from __future__ import annotations
 
@@ -26,6 +26,22 @@ _START_ERRORS = (
     InvalidParameterValueException,
     _ROS_ERROR,
 )
+# A signal ends the wait for callbacks by itself; this is the longest time if it does not.
+_SPIN_S = 0.5
+
+
+class _Stop:
+    """
+    A signal handler that notes that the node is to end.
+
+    It raises no exception, which could interrupt a library anywhere, and takes no lock, since
+    ros2 launch can send a signal twice.
+    """
+
+    requested = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
 
 
 def main(
@@ -33,37 +49,27 @@ def main(
     create: Callable[[], PlaceRecognitionNode] = PlaceRecognitionNode,
 ) -> int:
     """Run the node until it is interrupted; 2 if it cannot start, with one line that says why."""
-    signal.signal(signal.SIGINT, _interrupt)
-    node = None
+    stop, node = _Stop(), None
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
     try:
         _initialize(argv)
-        # Made first: a signal that comes before the node spins finds it complete.
-        executor = SingleThreadedExecutor()
-        node = create()
-        _spin(executor, node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        if not stop.requested:
+            executor = SingleThreadedExecutor()
+            node = create()
+            _spin(executor, node, stop)
+    except ExternalShutdownException:
         pass
-    except _START_ERRORS as error:
-        print(f'{NODE_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
-        return 2
+    except Exception as error:
+        # A signal shuts down the context, also while the node is being created.
+        if not stop.requested:
+            if not isinstance(error, _START_ERRORS):
+                raise
+            print(f'{NODE_NAME}: {" ".join(str(error).split())}', file=sys.stderr)
+            return 2
     finally:
         _end(node)
     return 0
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Interrupt once: ros2 launch can send the signal twice, which must not abort the shutdown."""
-    _on_signals(_do_nothing)
-    raise KeyboardInterrupt
-
-
-def _do_nothing(number: int, frame: FrameType | None) -> None:
-    """Handle a signal that is already pending; SIG_IGN would make Python print an error."""
-
-
-def _on_signals(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, handler)
 
 
 def _initialize(argv: Sequence[str] | None) -> None:
@@ -73,11 +79,12 @@ def _initialize(argv: Sequence[str] | None) -> None:
     set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
-def _spin(executor: SingleThreadedExecutor, node: PlaceRecognitionNode) -> None:
-    """Spin until the context is shut down."""
+def _spin(executor: SingleThreadedExecutor, node: PlaceRecognitionNode, stop: _Stop) -> None:
+    """Spin until a signal arrives or the context is shut down."""
     executor.add_node(node)
     try:
-        executor.spin()
+        while rclpy.ok() and not stop.requested:
+            executor.spin_once(timeout_sec=_SPIN_S)
     except _ROS_ERROR:
         # A signal between two waits leaves the executor with a context that has gone.
         if rclpy.ok():
@@ -85,14 +92,12 @@ def _spin(executor: SingleThreadedExecutor, node: PlaceRecognitionNode) -> None:
 
 
 def _end(node: PlaceRecognitionNode | None) -> None:
-    """Shut down without being interrupted."""
-    # rclpy stops spinning at once; Python may hear of the same signal only now.
-    with suppress(KeyboardInterrupt):
-        _on_signals(_do_nothing)
+    """Shut down; the signal's own handler in rclpy may be doing so at this moment."""
     if node is not None:
-        node.destroy_node()
-    # The signal's own handler may be shutting down at this moment.
+        with suppress(_ROS_ERROR):
+            node.destroy_node()
     with suppress(_ROS_ERROR):
         rclpy.try_shutdown()
     # Handlers written in Python do not outlast it.
-    _on_signals(signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, field
 import math
 
@@ -12,6 +12,8 @@ from hdc_place_recognition.results import Detection, Reason, SKIPPED, Status
 
 # Weight of the newest image in the running means of milliseconds.
 _NEWEST = 0.1
+# Seconds that a problem is reported after it was last seen.
+_RECENT_S = 10
 
 
 @dataclass
@@ -27,6 +29,7 @@ class Statistics:
     lost_by_dds: int = 0
     processed: int = 0
     failed: int = 0
+    unpublished: int = 0
     skipped: Counter[Status] = field(default_factory=Counter)
     accepted: int = 0
     reasons: Counter[Reason] = field(default_factory=Counter)
@@ -67,6 +70,7 @@ class Statistics:
             'images dropped while busy': self.dropped,
             'images lost by DDS': self.lost_by_dds,
             'images refused': self.failed,
+            'answers not published': self.unpublished,
             **{f'images {status.value}': self.skipped[status] for status in SKIPPED},
             'loop closures': self.accepted,
             **{f'best candidate {reason.value}': self.reasons[reason] for reason in Reason},
@@ -87,3 +91,67 @@ def explain(detection: Detection) -> str:
     if detection.accepted or not detection.candidates:
         return detection.status.value
     return f'{detection.status.value}: {detection.candidates[0].reason.value}'
+
+
+class RecentProblems:
+    """
+    Finds problems with the images of the last seconds by the counts of the node.
+
+    :param statistics: counts since the start; to be read once a second.
+    :param loss_remedy: what to do if DDS loses images.
+    """
+
+    def __init__(self, statistics: Statistics, loss_remedy: str) -> None:
+        self._statistics, self._loss_remedy = statistics, loss_remedy
+        self._before = deque([self._counts()], maxlen=_RECENT_S + 1)
+
+    def problem(self) -> str:
+        """Return the worst problem of the last seconds, '' if none; call once a second."""
+        counts = self._counts()
+        recent = Counter({name: counts[name] - self._before[0][name] for name in counts})
+        self._before.append(counts)
+        return self._unusable(recent) or self._loss(recent) or self._unpublished(recent)
+
+    def _counts(self) -> Counter[str]:
+        known = self._statistics
+        return Counter(
+            received=known.received,
+            processed=known.processed,
+            refused=known.failed,
+            lost=known.lost_by_dds,
+            repeated=known.skipped[Status.STAMP_REPEATED],
+            late=known.skipped[Status.STAMP_OUT_OF_ORDER],
+            unpublished=known.unpublished,
+        )
+
+    def _unusable(self, recent: Counter[str]) -> str:
+        """Return why no image could be processed."""
+        worst = max(('refused', 'repeated', 'late'), key=lambda name: recent[name])
+        if recent['processed'] or not recent[worst]:
+            return ''
+        why = (
+            f'{recent[worst]} '
+            + {
+                'refused': f'were refused: {self._statistics.last_error}',
+                'repeated': 'have the same header stamp as the image before: the driver must set '
+                'a stamp for each image',
+                'late': 'have an older header stamp than the image before: correct the driver',
+            }[worst]
+        )
+        return f'none of the last {recent["received"]} images was processed; {why}'
+
+    def _loss(self, recent: Counter[str]) -> str:
+        if not recent['lost']:
+            return ''
+        return (
+            f'DDS has lost {recent["lost"]} of the last {recent["lost"] + recent["received"]} '
+            f'images: {self._loss_remedy}'
+        )
+
+    def _unpublished(self, recent: Counter[str]) -> str:
+        if not recent['unpublished']:
+            return ''
+        return (
+            f'{recent["unpublished"]} of the last {recent["processed"]} answers could not be '
+            f'published: {self._statistics.last_error}'
+        )

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Condition, Thread
 from typing import Generic, TypeVar
 
@@ -15,11 +16,16 @@ class LatestWorker(Generic[Item]):
     """
     Processes the newest item; an item that still waits when the next arrives is dropped.
 
-    :param work: called with each item, in the worker thread; must not raise.
+    :param work: called with each item, in the worker thread.
+    :param failed: called if it raises an exception; the thread goes on.
     """
 
-    def __init__(self, work: Callable[[Item], None]) -> None:
-        self._work = work
+    def __init__(
+        self,
+        work: Callable[[Item], None],
+        failed: Callable[[Exception], None] = lambda error: None,
+    ) -> None:
+        self._work, self._failed = work, failed
         self._changed = Condition()
         self._waiting: list[Item] = []
         self._busy = False
@@ -49,7 +55,11 @@ class LatestWorker(Generic[Item]):
 
     def _run(self) -> None:
         while (item := self._next()) is not None:
-            self._work(item)
+            try:
+                self._work(item)
+            except Exception as error:
+                with suppress(Exception):
+                    self._failed(error)
             with self._changed:
                 self._busy = False
                 self._changed.notify_all()

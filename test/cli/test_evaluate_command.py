@@ -138,6 +138,8 @@ def test_candidates_file(loop, tmp_path, capsys):
         'qy',
         'qz',
         'qw',
+        'query_session',
+        'match_session',
         'truth',
     ]
     accepted = [row for row in rows if row['accepted'] == '1']

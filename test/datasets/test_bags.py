@@ -71,6 +71,15 @@ def test_compressed_images(tmp_path):
     np.testing.assert_array_equal(frame.image, sent)
 
 
+def test_images_without_stamps_get_the_time_of_recording(tmp_path, caplog):
+    bag = images_bag(tmp_path / 'bag', [0] * 4)
+    with pytest.raises(PlaceRecognitionError, match=r'stamp is 0 again.*times of recording inst'):
+        list(bags.BagImages.from_bag(bag))
+    frames = list(bags.BagImages.from_bag(bag, skip_bad=True))
+    assert len({frame.stamp_ns for frame in frames}) == 4 and frames[0].stamp_ns == 0
+    assert caplog.text.count('the driver of the camera sets no stamps') == 1
+
+
 def test_several_image_topics_are_listed_as_flags(tmp_path):
     bag = write_bag(tmp_path / 'bag', [('/right', image(1)), ('/left', image(2))])
     with pytest.raises(PlaceRecognitionError, match=r'use --topic /left \| --topic /right$'):

@@ -3,6 +3,7 @@
 """Positions of keyframes from odometry."""
 
 import math
+from time import perf_counter
 
 from hdc_place_recognition.recognition.keyframes import Pose
 from hdc_place_recognition.ros.keyframe_positions import KeyframePositions
@@ -79,3 +80,81 @@ def test_pose_before_looks_at_nothing_later():
     assert found.pose_before(99 * MS) == at(50.0, 1.0)
     assert found.pose_before(100 * MS) == found.pose_before(200 * MS) == at(100.0, 1.0)
     assert found.pose_before(-1) is None and found.pose_before(201 * MS) is None
+
+
+def play(found: KeyframePositions, first: int, last: int, offset: float) -> None:
+    """Publish odometry at 20 Hz from one millisecond to another."""
+    for stamp in range(first, last, 50):
+        found.add_odometry(stamp * MS, at(stamp + offset))
+
+
+def test_sessions_do_not_mix_when_odometry_is_set_back_first():
+    found = positions()
+    play(found, 0, 2000, 0.0)
+    count = found.count
+    found.add_keyframe(0, 1990 * MS)
+    play(found, 0, 150, 1e6)
+    found.begin_session(20 * MS, count, found.count)
+    found.add_keyframe(1, 20 * MS)
+    assert found.pose_before(20 * MS) == at(1e6)
+    play(found, 150, 2000, 1e6)
+    assert found.position(0)[0] == 1950.0
+    assert found.position(1)[0] == 1e6
+
+
+def test_sessions_do_not_mix_when_images_are_set_back_first():
+    found = positions()
+    play(found, 0, 2000, 0.0)
+    found.begin_session(20 * MS, found.count, found.count)
+    found.add_keyframe(1, 20 * MS)
+    play(found, 2000, 2150, 0.0)
+    assert found.pose_before(20 * MS) is None
+    assert math.isnan(found.position(1)[0])
+    play(found, 0, 2000, 1e6)
+    assert found.position(1)[0] == 1e6
+
+
+def test_images_without_odometry_of_their_session_have_no_position():
+    found = positions()
+    play(found, 0, 2000, 0.0)
+    found.begin_session(500 * MS, found.count, found.count)
+    found.add_keyframe(1, 500 * MS)
+    assert math.isnan(found.position(1)[0]) and found.pose_before(500 * MS) is None
+
+
+def test_stamps_of_the_camera_alone_are_set_back():
+    found = positions()
+    play(found, 0, 2000, 0.0)
+    found.begin_session(2000 * MS, found.count, found.count)
+    found.add_keyframe(1, 2010 * MS)
+    play(found, 2000, 4000, 0.0)
+    assert found.position(1)[0] == 2000.0
+
+
+def test_odometry_that_goes_on_is_used_again():
+    found = positions()
+    play(found, 0, 5000, 0.0)
+    # Images that are seconds late, and whose clock was set back.
+    found.begin_session(2000 * MS, found.count, found.count)
+    play(found, 5000, 16_000, 0.0)
+    found.add_keyframe(1, 16_010 * MS)
+    play(found, 16_000, 130_000, 0.0)
+    assert found.position(1)[0] == 16_000.0
+
+
+def test_keyframes_that_odometry_never_passes_do_not_slow_it_down():
+    found = positions(0)
+    for keyframe_id in range(50_000):
+        found.add_keyframe(keyframe_id, (10**9 + keyframe_id) * MS)
+    start = perf_counter()
+    play(found, 50, 50_000, 0.0)
+    # 999 messages, most of them in microseconds; they took 42 ms each.
+    assert perf_counter() - start < 1.0
+
+
+def test_evicted_keyframes_leave_nothing_behind():
+    found = positions(0)
+    for keyframe_id in range(10_000):
+        found.add_keyframe(keyframe_id, (10**9 + keyframe_id) * MS)
+        found.evict(keyframe_id)
+    assert len(found._heap) < 5000 and not found._waiting

@@ -26,6 +26,8 @@ def published(similarity: float = 0.5, *, accepted: bool = True) -> object:
         shift_x=-0.125,
         shift_y=0.5,
         rotation=(0.0, 0.5, -0.5, 0.25) if accepted else None,
+        query_session=3,
+        match_session=1,
     )
     return messages.PublishedCandidate(candidate, (1.5, -2.0, 0.25))
 
@@ -63,10 +65,12 @@ def test_layout_as_documented():
         'qy',
         'qz',
         'qw',
+        'query_session',
+        'match_session',
     ]
-    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 1, 76, 76)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 1, 84, 84)
     assert cloud.header.frame_id == 'camera' and not cloud.is_bigendian
-    values = struct.unpack('<fffiIiIIffiB3xffB3xffff', bytes(cloud.data))
+    values = struct.unpack('<fffiIiIIffiB3xffB3xffffII', bytes(cloud.data))
     assert values == (
         1.5,
         -2.0,
@@ -87,18 +91,20 @@ def test_layout_as_documented():
         0.5,
         -0.5,
         0.25,
+        3,
+        1,
     )
 
 
 def test_none_is_width_0():
     cloud = message()
-    assert cloud.width == 0 and len(cloud.data) == 0 and len(cloud.fields) == 19
+    assert cloud.width == 0 and len(cloud.data) == 0 and len(cloud.fields) == 21
     assert messages.read_candidates(cloud) == []
 
 
 def test_reader_follows_the_fields_not_the_layout():
     cloud = message(published())
-    cloud.point_step = 80
+    cloud.point_step = 88
     cloud.data = bytes(cloud.data) + bytes(4)
     assert messages.read_candidates(cloud) == [published()]
 

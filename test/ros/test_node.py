@@ -4,108 +4,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-import time
-from typing import Any
+from collections.abc import Iterator
 
-from conftest import CellExtractor, texture
+from conftest import texture
 import cv2
-import numpy as np
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
-from hdc_place_recognition.recognition.factory import assemble  # noqa: E402
 from hdc_place_recognition.ros import node as node_module  # noqa: E402
 from hdc_place_recognition.ros.messages import read_candidates  # noqa: E402
 from hdc_place_recognition.ros.parameters import unknown_overrides  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
+from ros_bench import Bench, NAME, parameter, S, set_stamp, SOON_S, start_ros  # noqa: E402
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2  # noqa: E402
-
-S = 1_000_000_000
-SOON_S = 10.0
-NAME = '/place_recognition_node'
-
-
-class Bench:
-    """The node beside a user's node, turned by one executor."""
-
-    def __init__(self, *words: str, kind: type = Image) -> None:
-        self.node = node_module.PlaceRecognitionNode(
-            cli_args=[
-                '--ros-args',
-                '-r',
-                'image:=/camera/image_raw',
-                '-p',
-                'image_qos:=reliable',
-                '-p',
-                'exclude_recent_s:=5.0',
-                *words,
-            ]
-        )
-        self.user = Node('user')
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-        self.executor.add_node(self.user)
-        self.images = self.user.create_publisher(kind, '/camera/image_raw', 10)
-        self.odometry = self.user.create_publisher(Odometry, '/odom', 100)
-
-    def heard(self, kind: type, topic: str) -> list[Any]:
-        messages: list[Any] = []
-        self.user.create_subscription(kind, topic, messages.append, 100)
-        return messages
-
-    def until(self, condition: Callable[[], object]) -> None:
-        end = time.monotonic() + SOON_S
-        while not condition():
-            assert time.monotonic() < end, 'waited in vain'
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def show(self, second: float, image: np.ndarray | None, **changes: Any) -> None:
-        """Publish an image and wait until the node has dealt with it."""
-        received = self.node.statistics.received
-        self.images.publish(image_message(second, image, **changes))
-        self.until(lambda: self.node.statistics.received > received)
-        assert self.node.worker.wait_idle(SOON_S)
-
-    def close(self) -> None:
-        self.executor.shutdown()
-        self.user.destroy_node()
-        self.node.destroy_node()
-
-
-def image_message(second: float, image: np.ndarray | None, **changes: Any) -> Image:
-    pixels = texture(0) if image is None else image
-    message = Image(
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding='mono8',
-        step=pixels.shape[1],
-        data=pixels.tobytes(),
-    )
-    set_stamp(message, second)
-    for name, value in changes.items():
-        setattr(message, name, value)
-    return message
-
-
-def set_stamp(message: Any, second: float) -> None:
-    message.header.frame_id = 'camera'
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(round(second * S), S)
 
 
 @pytest.fixture(autouse=True)
 def ros(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(
-        node_module, 'create_recognizer', lambda params: assemble(params, CellExtractor())
-    )
-    rclpy.init(args=[])
+    start_ros(monkeypatch)
     yield
     rclpy.try_shutdown()
 
@@ -115,14 +36,6 @@ def bench() -> Iterator[Bench]:
     found = Bench()
     yield found
     found.close()
-
-
-def parameter(bench: Bench, call: str, argument: Any) -> Any:
-    client = AsyncParameterClient(bench.user, NAME)
-    bench.until(client.services_are_ready)
-    future = getattr(client, call)(argument)
-    bench.until(future.done)
-    return future.result()
 
 
 def test_loop_is_published_with_the_images_header(bench):
@@ -149,8 +62,8 @@ def test_loop_is_published_with_the_images_header(bench):
 
 
 def test_calibration_is_taken_and_a_bad_one_is_none(bench):
-    calibration = bench.user.create_publisher(CameraInfo, '/camera_info', 10)
-    bench.until(lambda: bench.node.count_publishers('/camera_info'))
+    calibration = bench.user.create_publisher(CameraInfo, '/camera/camera_info', 10)
+    bench.until(lambda: bench.node.count_publishers('/camera/camera_info'))
     bench.until(lambda: calibration.get_subscription_count())
     message = CameraInfo(width=64, height=48, k=[50.0, 0, 32, 0, 50, 24, 0, 0, 1])
     calibration.publish(message)
@@ -243,7 +156,7 @@ def test_diagnostics_once_a_second(bench):
     bench.until(lambda: heard)
     status = heard[-1].status[0]
     values = {pair.key: pair.value for pair in status.values}
-    assert status.name == 'place_recognition_node: place recognition'
+    assert status.name == '/place_recognition_node: place recognition'
     assert status.level == DiagnosticStatus.OK
     assert status.message == 'no keyframe is old enough to be compared with'
     assert values['images processed'] == '1' and values['features'] == 'cells'
@@ -291,19 +204,20 @@ def test_unknown_parameters_are_named():
 
 def test_quality_of_service_can_be_overridden():
     bench = Bench('-p', 'qos_overrides./camera/image_raw.subscription.depth:=3')
-    assert bench.node._input._subscription.qos_profile.depth == 3
+    assert bench.node._input._subscription.profile.depth == 3
     bench.close()
 
 
 def test_compressed_images():
-    bench = Bench('-p', 'image_transport:=compressed', kind=CompressedImage)
+    bench = Bench('-p', 'image_transport:=compressed')
+    images = bench.user.create_publisher(CompressedImage, '/camera/image_raw/compressed', 10)
     for second in range(2):
         _, jpeg = cv2.imencode('.jpg', texture(second))
         # The second one is cut short.
         message = CompressedImage(format='mono8; jpeg compressed', data=jpeg.tobytes())
         message.data = message.data[: len(message.data) // (second + 1)]
         set_stamp(message, second)
-        bench.images.publish(message)
+        images.publish(message)
         bench.until(lambda second=second: bench.node.statistics.received > second)
         assert bench.node.worker.wait_idle(SOON_S)
     assert bench.node.statistics.processed == 1
