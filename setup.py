@@ -54,7 +54,7 @@ setup(
         'onnxruntime': ['onnxruntime'],
         'plot': ['matplotlib', 'tqdm'],
         'ros': ROS,
-        'test': ['psutil', 'pytest<9', 'rosbags-image', 'scikit-learn'],
+        'test': ['hypothesis', 'psutil', 'pytest<9', 'rosbags-image', 'scikit-learn'],
         'lint': LINTERS,
     },
     zip_safe=False,  # type checkers read py.typed from a folder only

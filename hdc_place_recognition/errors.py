@@ -10,3 +10,7 @@ class PlaceRecognitionError(ValueError):
     Its message is a single line for the user: the thing, its value and the remedy. Commands print
     that line and return exit code 2; the node warns and goes on with the next image.
     """
+
+    def __init__(self, message: str) -> None:
+        # Names from damaged files can hold line breaks.
+        super().__init__(' '.join(message.splitlines()))

@@ -59,6 +59,7 @@ class Reason(Enum):
     AT_EDGE = 'at the edge of the keyframes searched: a better match may lie outside'
     NO_SUPPORT = 'no support by the images before'
     UNLIKELY = 'low similarity'
+    SAME_VISIT = 'the view has not been left since'
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ def _ask(database: MemoryDatabase, world: LargeWorld, queries: int) -> tuple[lis
 def _keypoints(number: int) -> CompactKeypoints:
     """Return keypoints that take as much memory as those of an image."""
     count = _LEAST_POINTS + number * 7919 % (_MOST_POINTS - _LEAST_POINTS + 1)
-    ones: NDArray[np.uint8] = np.ones((count, 130), np.uint8)
+    ones: NDArray[np.uint8] = np.ones((count, 66), np.uint8)
     positions = np.ones((count, 2), np.uint16)
     return CompactKeypoints(
         positions, ones[:, 0].copy(), ones[:, 1].copy(), ones[:, 2:].copy(), aspect=0.75

@@ -14,7 +14,7 @@ from typing import Any
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.vectors import World
 from hdc_place_recognition.database.base import Keyframe
-from hdc_place_recognition.features.compact import CompactKeypoints
+from hdc_place_recognition.features.compact import CompactKeypoints, pack
 from hdc_place_recognition.hdc.algebra import normalize
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
@@ -29,7 +29,7 @@ TOPIC = '/benchmark/image'
 _DRIVE_EVERY = 10
 # Share of keypoints that are found again, with small changes in steps of the stored integers.
 _FOUND_AGAIN = 0.4
-_OTHER_LIGHT, _OTHER_PLACE = 6, 100
+_OTHER_LIGHT, _OTHER_PLACE = 1, 100
 _VIEW_NOISE = 0.5
 # Keyframes are older than any image.
 _LONG_AGO_NS = 10**15
@@ -112,7 +112,7 @@ def _seen_again(keypoints: CompactKeypoints, rng: np.random.Generator) -> Compac
     descriptors = _noisy(keypoints.descriptors, _OTHER_LIGHT, rng)
     descriptors[lost] = descriptors[lost][:, rng.permutation(descriptors.shape[1])]
     positions = _noisy(keypoints.positions, _OTHER_PLACE, rng)
-    return replace(keypoints, positions=positions, descriptors=descriptors)
+    return replace(keypoints, positions=positions, packed=pack(descriptors))
 
 
 def _noisy(values: NDArray[Any], most: int, rng: np.random.Generator) -> NDArray[Any]:

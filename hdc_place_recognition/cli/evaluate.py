@@ -73,7 +73,18 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--odom-topic',
         metavar='TOPIC',
-        help='Odometry topic, used by keyframe_distance_m',
+        help='pose topic (as --ground-truth-topic), used by keyframe_distance_m',
+    )
+    parser.add_argument(
+        '--odom-frames',
+        metavar='PARENT:CHILD',
+        help='frames of its transforms, required if it has several pairs',
+    )
+    parser.add_argument(
+        '--no-exif-orientation',
+        dest='exif_orientation',
+        action='store_false',
+        help='do not turn the images of folders by their EXIF orientation',
     )
     parser.add_argument(
         '--skip-bad',
@@ -84,7 +95,15 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
 
 def _add_ground_truth(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
-        '--ground-truth-topic', metavar='TOPIC', help='Odometry, PoseStamped or Path topic'
+        '--ground-truth-topic',
+        metavar='TOPIC',
+        help='topic of type Odometry, PoseStamped, PoseWithCovarianceStamped, Path, '
+        'TransformStamped, TFMessage or NavSatFix (with --max-angle 180)',
+    )
+    group.add_argument(
+        '--ground-truth-frames',
+        metavar='PARENT:CHILD',
+        help='frames of its transforms, required if it has several pairs',
     )
     group.add_argument(
         '--radius',
@@ -103,7 +122,7 @@ def _add_ground_truth(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         '--view-axis',
         choices=sorted(VIEW_AXES),
-        help='body axis that points forward [x in bags, z in poses.csv]',
+        help='body axis that points forward [z in poses.csv with quaternions, otherwise x]',
     )
 
 
@@ -149,10 +168,13 @@ def _options(arguments: argparse.Namespace) -> dict[str, Any]:
         'database': arguments.database,
         'topic': arguments.topic,
         'ground_truth_topic': arguments.ground_truth_topic,
+        'ground_truth_frames': arguments.ground_truth_frames,
         'radius_m': arguments.radius,
         'max_angle_deg': arguments.max_angle,
         'view_axis': arguments.view_axis,
         'odom_topic': arguments.odom_topic,
+        'odom_frames': arguments.odom_frames,
+        'exif_orientation': arguments.exif_orientation,
         'camera_info_topic': arguments.camera_info_topic,
         'skip_bad': arguments.skip_bad,
         'progress': _progress,

@@ -12,14 +12,18 @@ from array import array
 from typing import Any, Protocol, TypeAlias
 
 import cv2
+from hdc_place_recognition.conversions import jpeg
 from hdc_place_recognition.conversions.image_encodings import Encoding, ENCODINGS, Plane
-from hdc_place_recognition.conversions.pixels import as_uint8
+from hdc_place_recognition.conversions.image_size import claimed_size, png_end, PNG_MAGIC
+from hdc_place_recognition.conversions.pixels import as_uint8, ValueRange
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.params.table import Params
 import numpy as np
 from numpy.typing import NDArray
 
 SUPPORTED_ENCODINGS = tuple(ENCODINGS)
 Bytes: TypeAlias = 'bytes | array[int] | NDArray[np.uint8]'
+_NOT_ORIENTED = cv2.IMREAD_IGNORE_ORIENTATION
 
 
 class StampedMessage(Protocol):
@@ -52,30 +56,92 @@ def stamp_ns(message: StampedMessage) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
+class ImageConverter:
+    """
+    Converts the images of one camera; 16-bit and float images keep a stable brightness.
+
+    :param max_pixels: images of more pixels are refused.
+    :param oriented: turn compressed images by their EXIF orientation.
+    """
+
+    def __init__(
+        self, max_pixels: int = Params.max_image_pixels, *, oriented: bool = False
+    ) -> None:
+        self.max_pixels, self._oriented = max_pixels, oriented
+        self._values = ValueRange()
+
+    def convert(self, message: ImageMessage | CompressedMessage) -> NDArray[np.uint8]:
+        """
+        Return the image of a message: gray for a single channel, otherwise BGR.
+
+        16-bit gray, color and Bayer images are scaled by the bits that they use. 16UC1, 16SC1 and
+        float images are scaled from their finite minimum and maximum to 0-255; see
+        :func:`as_uint8`.
+
+        :param message: raw image with one of `SUPPORTED_ENCODINGS`, or a compressed image in one
+            of the formats of conversions/image_size.py.
+        :return: (h, w) or (h, w, 3) uint8, contiguous. An 8-bit gray or BGR image without padding
+            shares the memory of the message and is read-only.
+        :raises PlaceRecognitionError: the encoding is not supported, height, width, step and data
+            length do not match, the data cannot be decoded or are incomplete, or the image is too
+            large.
+        """
+        if hasattr(message, 'format'):
+            return self._decompressed(message.format, bytes(message.data))
+        encoding = ENCODINGS.get(message.encoding)
+        if encoding is None:
+            raise PlaceRecognitionError(
+                f'image encoding {message.encoding!r} is not supported; supported are '
+                + ', '.join(SUPPORTED_ENCODINGS)
+            )
+        views = _views(message, encoding)
+        self._check_size(int(message.width), int(message.height))
+        return encoding.convert(*views, self._values)
+
+    def _check_size(self, width: int, height: int) -> None:
+        if width * height > self.max_pixels:
+            raise PlaceRecognitionError(
+                f'image of {width} x {height} has more than max_image_pixels = {self.max_pixels} '
+                'pixels; reduce it in the driver, or raise max_image_pixels'
+            )
+
+    def _decompressed(self, format_: str, data: bytes) -> NDArray[np.uint8]:
+        """Return the image that the raw message would give, before compression."""
+        if 'compressedDepth' in format_:
+            raise PlaceRecognitionError(
+                f'compressed image of format {format_!r} holds depth: take the topic of the '
+                'camera image, or the uncompressed depth'
+            )
+        size = claimed_size(data)
+        if size is not None:
+            self._check_size(*size)
+        pixels = None if size is None else _decoded(data, self._oriented)
+        if pixels is None:
+            raise PlaceRecognitionError(
+                f'compressed image of format {format_!r} and {len(data)} bytes cannot be decoded: '
+                'it is cut short, damaged, or none of JPEG, PNG, WebP, TIFF, BMP and PNM'
+            )
+        if pixels.ndim == 3:
+            # The publisher gave RGB data to an encoder that expects BGR.
+            is_rgb = 'compressed rgb' in format_
+            return as_uint8(pixels[..., ::-1] if is_rgb else pixels, self._values)
+        sent = _compressed_encoding(format_)
+        if sent is None or (sent.channels, sent.chroma, np.dtype(sent.dtype)) != (
+            1,
+            0,
+            pixels.dtype,
+        ):
+            return as_uint8(pixels, self._values)
+        return sent.convert(pixels, self._values)
+
+
 def image_from_message(message: ImageMessage | CompressedMessage) -> NDArray[np.uint8]:
     """
-    Return the image of a message: gray for a single channel, otherwise BGR.
+    Return the image of a single message; an EXIF orientation is ignored.
 
-    16-bit gray, color and Bayer images are scaled from 0-65535 to 0-255. 16UC1, 16SC1 and float
-    images are scaled from their finite minimum and maximum to 0-255; see :func:`as_uint8`. An
-    EXIF orientation is ignored.
-
-    :param message: raw image with one of `SUPPORTED_ENCODINGS`, or a compressed image that OpenCV
-        can decode, such as JPEG or PNG.
-    :return: (h, w) or (h, w, 3) uint8, contiguous. An 8-bit gray or BGR image without padding
-        shares the memory of the message and is read-only.
-    :raises PlaceRecognitionError: the encoding is not supported, height, width, step and data
-        length do not match, or the data cannot be decoded.
+    :raises PlaceRecognitionError: see :meth:`ImageConverter.convert`.
     """
-    if hasattr(message, 'format'):
-        return _decompressed(message.format, bytes(message.data))
-    encoding = ENCODINGS.get(message.encoding)
-    if encoding is None:
-        raise PlaceRecognitionError(
-            f'image encoding {message.encoding!r} is not supported; supported are '
-            + ', '.join(SUPPORTED_ENCODINGS)
-        )
-    return encoding.convert(*_views(message, encoding))
+    return ImageConverter().convert(message)
 
 
 def _views(message: ImageMessage, encoding: Encoding) -> list[NDArray[Any]]:
@@ -119,35 +185,31 @@ def _unusable(message: ImageMessage, needed: str) -> PlaceRecognitionError:
     )
 
 
-def _decompressed(format_: str, data: bytes) -> NDArray[np.uint8]:
-    """Return the image that the raw message would give, before compression."""
-    if 'compressedDepth' in format_:
-        raise PlaceRecognitionError(
-            f'compressed image of format {format_!r} holds depth: take the topic of the camera '
-            'image, or the uncompressed depth'
-        )
-    pixels = _decoded(data)
-    if pixels is None:
-        raise PlaceRecognitionError(
-            f'compressed image of format {format_!r} and {len(data)} bytes cannot be decoded: it '
-            'is cut short, damaged, or neither JPEG nor PNG'
-        )
-    if pixels.ndim == 3:
-        # The publisher gave RGB data to an encoder that expects BGR.
-        return as_uint8(pixels[..., ::-1] if 'compressed rgb' in format_ else pixels)
-    # Bayer patterns and 16UC1 images are compressed without conversion.
-    sent = ENCODINGS.get(format_.partition(';')[0].strip())
-    if sent is None or (sent.channels, sent.chroma, np.dtype(sent.dtype)) != (1, 0, pixels.dtype):
-        return as_uint8(pixels)
-    return sent.convert(pixels)
+def _compressed_encoding(format_: str) -> Encoding | None:
+    """
+    Return the encoding of the pixels that were compressed.
+
+    The format is 'ORIGINAL; CODEC compressed COMPRESSED'. Bayer patterns and 16UC1 images are
+    compressed without conversion, unless the second encoding says otherwise.
+    """
+    original, _, rest = format_.partition(';')
+    compressed = rest.partition('compressed ')[2].strip()
+    return ENCODINGS.get(compressed or original.strip())
 
 
-def _decoded(data: bytes) -> NDArray[Any] | None:
-    """Return the decoded pixels without alpha, None if they cannot be decoded."""
-    # OpenCV 4 decodes a truncated JPEG and fills the rest with gray; OpenCV 5 fails.
-    if data.startswith(b'\xff\xd8') and data.rfind(b'\xff\xd9') < data.rfind(b'\xff\xda'):
-        return None
-    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+def _decoded(data: bytes, oriented: bool) -> NDArray[Any] | None:
+    """Return the decoded pixels, None if they cannot be decoded or a part is missing."""
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
+    if data.startswith(jpeg.START):
+        # Completeness is checked by the last block, before the image is turned.
+        stored = jpeg.decode_whole(data, lambda part: _opencv(part, flags | _NOT_ORIENTED))
+        return _opencv(data, flags) if oriented and stored is not None else stored
+    if data.startswith(PNG_MAGIC):
+        data = data[: png_end(data)]
+    return _opencv(data, flags if oriented else flags | _NOT_ORIENTED)
+
+
+def _opencv(data: bytes, flags: int) -> NDArray[Any] | None:
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:  # no data, or sizes that are too large

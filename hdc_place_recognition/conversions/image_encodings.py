@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
-from hdc_place_recognition.conversions.pixels import as_uint8
+from hdc_place_recognition.conversions.pixels import as_uint8, ValueRange
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,7 +43,8 @@ class Encoding:
 
     :param dtype: type of a sample.
     :param channels: number of samples per pixel.
-    :param convert: returns the 8-bit image from the plane (h, w, channels), or from both planes.
+    :param convert: returns the 8-bit image from the plane (h, w, channels), or from both planes,
+        and the range of values of the camera (or None).
     :param multiples: height and width must be multiples of these numbers.
     :param chroma: horizontal and vertical subsampling of the second plane (U, V), 0 if there is
         no second plane.
@@ -72,15 +73,17 @@ class Encoding:
 
 def _color(code: int) -> Convert:
     """Return a conversion by cv2.cvtColor."""
-    return lambda pixels: as_uint8(cv2.cvtColor(pixels, code))
+    return lambda pixels, values=None: as_uint8(cv2.cvtColor(pixels, code), values)
 
 
 def _two_planes(code: int) -> Convert:
     """Return a conversion by cv2.cvtColorTwoPlane."""
-    return lambda luma, chroma: as_uint8(cv2.cvtColorTwoPlane(luma, chroma, code))
+    return lambda luma, chroma, _=None: as_uint8(cv2.cvtColorTwoPlane(luma, chroma, code))
 
 
-def _nv24(luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _nv24(
+    luma: NDArray[np.uint8], chroma: NDArray[np.uint8], _: ValueRange | None = None
+) -> NDArray[np.uint8]:
     """Return BGR pixels of a plane Y and a full-size plane (U, V)."""
     # OpenCV does not support NV24. Convert to UYVY with every pixel doubled.
     u, v = chroma[..., :1], chroma[..., 1:]
@@ -88,9 +91,9 @@ def _nv24(luma: NDArray[np.uint8], chroma: NDArray[np.uint8]) -> NDArray[np.uint
     return as_uint8(cv2.cvtColor(uyvy, cv2.COLOR_YUV2BGR_UYVY)[:, ::2])
 
 
-def _scaled(pixels: NDArray[Any]) -> NDArray[np.uint8]:
+def _scaled(pixels: NDArray[Any], values: ValueRange | None = None) -> NDArray[np.uint8]:
     """Return pixels scaled from their minimum and maximum to 0-255."""
-    return as_uint8(pixels.astype(np.float32))
+    return as_uint8(pixels.astype(np.float32), values)
 
 
 _RGB, _RGBA = _color(cv2.COLOR_RGB2BGR), _color(cv2.COLOR_RGBA2BGR)

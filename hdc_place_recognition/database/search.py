@@ -130,6 +130,7 @@ def search_in_two_stages(
     count: int,
     query: CenteredQuery,
     groups: tuple[tuple[int, ...], ...],
+    also: NDArray[np.intp],
 ) -> Similarities:
     """
     Compare a query with the rows whose signs are nearest to its own.
@@ -140,6 +141,7 @@ def search_in_two_stages(
     :param order: the slots of the rows.
     :param count: number of rows to search: the first ones.
     :param groups: indices of the shifts that are bundled.
+    :param also: rows that are compared exactly too.
     """
     near, values = _nearest_by_signs(store, order, count, query, groups)
     shifts = np.full(count, query.zero_shift, np.uint8)
@@ -150,7 +152,7 @@ def search_in_two_stages(
         values[rows], shifts[rows] = query.cosines(vectors @ probes.T, squares)
 
     spaced = np.linspace(0, count - 1, min(_SPACED, count)).astype(np.intp)
-    compared = np.union1d(near, spaced)
+    compared = np.union1d(np.union1d(near, spaced), also)
     compare(compared)
     best = near[np.argsort(-values[near], kind='stable')[:_BEST]]
     beside = np.clip(np.union1d(best - 1, best + 1), 0, count - 1)

@@ -1,21 +1,20 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Topics and messages of a ROS 2 bag folder, a single .mcap or .db3 file, or a ROS 1 .bag file.
-
-The package rosbags is imported when the first bag is opened.
-"""
+"""Topics and messages of bags; every count is checked against what the bag announces."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from functools import cache
 from itertools import count
 from pathlib import Path
 from typing import Any
 
+from hdc_place_recognition.datasets.bag_files import Bag, decoder, one_line, open_bag, read_errors
 from hdc_place_recognition.errors import PlaceRecognitionError
+
+_decoder = cache(decoder)
 
 
 def topics(bag: Path, types: tuple[str, ...]) -> dict[str, int]:
@@ -24,15 +23,26 @@ def topics(bag: Path, types: tuple[str, ...]) -> dict[str, int]:
 
     :param bag: path of the bag.
     :param types: message types, such as 'sensor_msgs/msg/Image'.
-    :raises PlaceRecognitionError: the bag is missing, empty, truncated or corrupt, or the package
-        rosbags is not installed.
+    :raises PlaceRecognitionError: the bag is missing, empty, truncated or corrupt, its
+        metadata.yaml announces another number of messages, or the package rosbags is not
+        installed.
     """
-    with _open(bag) as reader:
+    with open_bag(bag) as opened:
         counts: dict[str, int] = {}
-        for connection in reader.connections:
-            if connection.msgtype in types:
-                counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+        for topic in opened.topics:
+            if topic.msgtype in types:
+                counts[topic.name] = counts.get(topic.name, 0) + topic.count
+        for name, found in counts.items():
+            _check_announced(opened, name, found)
     return dict(sorted(counts.items()))
+
+
+def _check_announced(bag: Bag, name: str, found: int) -> None:
+    if bag.announced is not None and (announced := bag.announced.get(name, 0)) != found:
+        raise PlaceRecognitionError(
+            f'bag {bag.path}, topic {name}: metadata.yaml announces {announced} messages, but the '
+            f'files hold {found}; `ros2 bag reindex` writes a new metadata.yaml'
+        )
 
 
 def choose_topic(
@@ -76,7 +86,7 @@ class StoredMessage:
 
     where: str
     recorded_ns: int
-    _reader: Any
+    _decode: Callable[[bytes, str], Any]
     _msgtype: str
     _data: bytes
 
@@ -87,10 +97,10 @@ class StoredMessage:
         :raises PlaceRecognitionError: the bytes do not match the message type.
         """
         try:
-            return self._reader.deserialize(self._data, self._msgtype)
+            return self._decode(self._data, self._msgtype)
         except Exception as error:  # generated parsers raise many types of exceptions
             raise PlaceRecognitionError(
-                f'{self.where}: {len(self._data)} bytes are no {self._msgtype}: {_one_line(error)}'
+                f'{self.where}: {len(self._data)} bytes are no {self._msgtype}: {one_line(error)}'
             ) from error
 
 
@@ -98,51 +108,22 @@ def messages(bag: Path, topic: str) -> Generator[StoredMessage, None, None]:
     """
     Yield the messages of a topic in the order of the bag.
 
-    :raises PlaceRecognitionError: the bag is damaged, or the package rosbags is not installed.
+    :raises PlaceRecognitionError: the bag is damaged, holds fewer or more messages than its index
+        announces, or the package rosbags is not installed.
     """
-    with _open(bag) as reader:
-        chosen = [connection for connection in reader.connections if connection.topic == topic]
-        entries = reader.messages(chosen)
+    with open_bag(bag) as opened:
+        announced = sum(item.count for item in opened.topics if item.name == topic)
+        entries = opened.messages(topic)
         for number in count(1):
-            with _read_errors(bag):
+            with read_errors(bag):
                 entry = next(entries, None)
+                if entry is None and number - 1 != announced:
+                    raise ValueError(
+                        f'topic {topic} has {number - 1} messages, but the index announces '
+                        f'{announced}'
+                    )
             if entry is None:
                 return
-            connection, recorded_ns, data = entry
+            item, recorded_ns, data = entry
             where = f'bag {bag}, topic {topic}, message {number}'
-            yield StoredMessage(where, recorded_ns, reader, connection.msgtype, data)
-
-
-@contextmanager
-def _open(bag: Path) -> Iterator[Any]:
-    """Open a bag for reading; the context value is a rosbags AnyReader."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import get_typestore, Stores
-    except ImportError as error:
-        raise PlaceRecognitionError(
-            f'bag {bag}: the package rosbags is not installed; `pip install rosbags`'
-        ) from error
-    with _read_errors(bag):
-        reader = AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY))
-        reader.open()
-    try:
-        yield reader
-    finally:
-        reader.close()
-
-
-@contextmanager
-def _read_errors(bag: Path) -> Iterator[None]:
-    """Convert every exception that rosbags raises on damaged bytes to a one-line error."""
-    try:
-        yield
-    except Exception as error:
-        raise PlaceRecognitionError(
-            f'bag {bag} cannot be read: {_one_line(error)}; `ros2 bag reindex` or '
-            '`mcap recover` may repair a truncated bag'
-        ) from error
-
-
-def _one_line(error: Exception) -> str:
-    return ' '.join(str(error).split()).rstrip('.') or type(error).__name__
+            yield StoredMessage(where, recorded_ns, _decoder(opened.ros1), item.msgtype, data)

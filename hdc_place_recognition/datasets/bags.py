@@ -17,16 +17,26 @@ from pathlib import Path
 
 from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.conversions.camera_info import camera_from_message
-from hdc_place_recognition.conversions.image import image_from_message, stamp_ns
+from hdc_place_recognition.conversions.image import ImageConverter, stamp_ns
+from hdc_place_recognition.conversions.poses import PoseConverter
 from hdc_place_recognition.datasets.bag_reader import choose_topic, messages, StoredMessage
 from hdc_place_recognition.datasets.poses import Poses
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.results import Frame
 
 _log = logging.getLogger(__name__)
 
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
-POSE_TYPES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped', 'nav_msgs/msg/Path')
+POSE_TYPES = (
+    'nav_msgs/msg/Odometry',
+    'geometry_msgs/msg/PoseStamped',
+    'nav_msgs/msg/Path',
+    'geometry_msgs/msg/PoseWithCovarianceStamped',
+    'geometry_msgs/msg/TransformStamped',
+    'tf2_msgs/msg/TFMessage',
+    'sensor_msgs/msg/NavSatFix',
+)
 CAMERA_TYPES = ('sensor_msgs/msg/CameraInfo',)
 _UNSTAMPED = (
     'the stamp is 0 again: the driver of the camera sets no stamps; '
@@ -47,21 +57,29 @@ class BagImages:
         without a valid image is skipped. An image whose stamp does not increase is yielded; the
         recognizer skips it, as in the node. From the second stamp of 0 on, images without stamp
         get the time of recording.
+    :param max_pixels: images of more pixels are refused.
     """
 
     bag: Path
     topic: str
     n_messages: int
     skip_bad: bool = False
+    max_pixels: int = Params.max_image_pixels
 
     @classmethod
-    def from_bag(cls, bag: Path, topic: str | None = None, skip_bad: bool = False) -> BagImages:
+    def from_bag(
+        cls,
+        bag: Path,
+        topic: str | None = None,
+        skip_bad: bool = False,
+        max_pixels: int = Params.max_image_pixels,
+    ) -> BagImages:
         """
         Return the images of a topic; with `topic` None, of the only image topic.
 
         :raises PlaceRecognitionError: see :func:`choose_topic`.
         """
-        return cls(bag, *choose_topic(bag, topic, IMAGE_TYPES, '--topic'), skip_bad)
+        return cls(bag, *choose_topic(bag, topic, IMAGE_TYPES, '--topic'), skip_bad, max_pixels)
 
     def __len__(self) -> int:
         return self.n_messages
@@ -74,8 +92,9 @@ class BagImages:
             damaged.
         """
         last_ns, n_bad, unstamped = None, 0, False
+        converter = ImageConverter(self.max_pixels)
         for message in messages(self.bag, self.topic):
-            frame, problem = _frame(message, last_ns)
+            frame, problem = _frame(message, converter, last_ns)
             if frame and frame.stamp_ns == 0 and (unstamped or last_ns == 0):
                 problem = '' if unstamped else f'{message.where}: {_UNSTAMPED}'
                 frame, unstamped = replace(frame, stamp_ns=message.recorded_ns), True
@@ -103,7 +122,9 @@ class BagImages:
             _log.warning('%s', problem)
 
 
-def _frame(stored: StoredMessage, last_ns: int | None) -> tuple[Frame | None, str]:
+def _frame(
+    stored: StoredMessage, converter: ImageConverter, last_ns: int | None
+) -> tuple[Frame | None, str]:
     """
     Decode a message.
 
@@ -116,7 +137,7 @@ def _frame(stored: StoredMessage, last_ns: int | None) -> tuple[Frame | None, st
         return None, str(error)
     stamp = stamp_ns(message)
     try:
-        image = image_from_message(message)
+        image = converter.convert(message)
     except PlaceRecognitionError as error:
         return None, f'{stored.where}, stamp {stamp} ns: {error}'
     frame = Frame(stamp, image)
@@ -126,27 +147,44 @@ def _frame(stored: StoredMessage, last_ns: int | None) -> tuple[Frame | None, st
     return frame, f'{stored.where}: stamp {stamp} ns {relation} the previous one, {last_ns} ns'
 
 
-def read_poses(bag: Path, topic: str, flag: str = '--ground-truth-topic') -> Poses:
+def read_poses(
+    bag: Path,
+    topic: str,
+    flag: str = '--ground-truth-topic',
+    frames: str | None = None,
+) -> Poses:
     """
-    Return the poses of an Odometry, PoseStamped or Path topic.
+    Return the poses of a topic of one of `POSE_TYPES`.
 
     A growing path is often published repeatedly; for each stamp the last published pose is used.
 
     :param bag: path of the bag.
     :param topic: name of the topic.
     :param flag: command-line flag that selects the topic, for error messages.
-    :raises PlaceRecognitionError: no such topic, no finite pose, or the bag is damaged.
+    :param frames: 'PARENT:CHILD', the frames of the transforms; None for the only pair.
+    :raises PlaceRecognitionError: no such topic or frames, no finite pose, or the bag is damaged.
     """
+    frames_flag = flag.replace('-topic', '-frames')
     chosen, _ = choose_topic(bag, topic, POSE_TYPES, flag)
-    stamps, rows = [], []
-    for stored in messages(bag, chosen):
-        message = stored.decode()
-        for stamped in getattr(message, 'poses', [message]):
-            pose = getattr(stamped.pose, 'pose', stamped.pose)
-            point, turn = pose.position, pose.orientation
-            stamps.append(stamp_ns(stamped))
-            rows.append([point.x, point.y, point.z, turn.x, turn.y, turn.z, turn.w])
-    return Poses.from_rows(stamps, rows, f'bag {bag}, topic {chosen}')
+    converter = PoseConverter(_frame_pair(frames, frames_flag))
+    poses = [
+        pose for stored in messages(bag, chosen) for pose in converter.convert(stored.decode())
+    ]
+    converter.check_frames(f'bag {bag}, topic {chosen}', frames_flag)
+    return Poses.from_rows(
+        [pose.stamp_ns for pose in poses],
+        [pose.row for pose in poses],
+        f'bag {bag}, topic {chosen}',
+    )
+
+
+def _frame_pair(frames: str | None, flag: str) -> tuple[str, str] | None:
+    if frames is None:
+        return None
+    parent, colon, child = frames.partition(':')
+    if not (parent and colon and child):
+        raise PlaceRecognitionError(f'{flag} {frames}: expected PARENT:CHILD, as map:base_link')
+    return parent.lstrip('/'), child.lstrip('/')
 
 
 def read_camera(path: Path, topic: str, *, rectified: bool) -> Camera:

@@ -1,25 +1,34 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth from matrices (gt.npz) and from poses."""
+"""Ground truth from matrices (gt.npz), from poses and from aligned traverses."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
+import math
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
-import zlib
+from typing import Any, IO
+import zipfile
 
+from hdc_place_recognition.bounded_files import MIB, read_bounded
 from hdc_place_recognition.datasets.dataset import Stamps, Truth
 from hdc_place_recognition.datasets.poses import match_poses, Poses
 from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 from numpy.typing import NDArray
 
-# Raised by numpy for files that are not npz, are truncated, or contain objects.
-_DAMAGED = (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile, zlib.error)
+_FILE_BYTES = 1024 * MIB
+_HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], Any]] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 _ANY_ANGLE = 180.0  # degrees, the largest angle between two directions
 SOFT_FACTOR = 2.0  # radius and angle of soft pairs, relative to hard pairs
+# Aligned traverses: +-2 is the tolerance of stromovka_part1 and gardens_point_thumbs, +-5 that of
+# the README of nordland_64x32_part1.
+HARD_FRAMES, SOFT_FRAMES = 2, 5
 
 
 @dataclass(frozen=True)
@@ -122,6 +131,31 @@ class PoseTruth:
         )
 
 
+@dataclass(frozen=True)
+class AlignedTruth:
+    """
+    Ground truth of two traverses whose images of the same index show the same place.
+
+    Images at most HARD_FRAMES (2) apart are hard matches; at most SOFT_FRAMES (5) apart, soft.
+
+    :param interval_ns: time from one image to the next, the same in both traverses.
+    """
+
+    interval_ns: int
+
+    @property
+    def summary(self) -> str:
+        """Return a short text that says when two images show the same place."""
+        return f'same index +-{HARD_FRAMES} (ignored up to +-{SOFT_FRAMES})'
+
+    def truth(self, query_stamps_ns: Stamps, database_stamps_ns: Stamps) -> Truth:
+        """Return the truth for the images with these stamps."""
+        apart_ns = np.abs(query_stamps_ns[:, None] - database_stamps_ns)
+        return Truth(
+            apart_ns <= HARD_FRAMES * self.interval_ns, apart_ns <= SOFT_FRAMES * self.interval_ns
+        )
+
+
 def load_matrices(path: Path, n_queries: int, n_database: int) -> tuple[Truth, int]:
     """
     Read a ground-truth file in the dataset format.
@@ -135,30 +169,49 @@ def load_matrices(path: Path, n_queries: int, n_database: int) -> tuple[Truth, i
     :raises PlaceRecognitionError: the file cannot be read, or an array is missing or has a wrong
         shape.
     """
-    arrays = _load(path)
     images = (n_queries, n_database)
-    for name in ('hard', 'soft'):
-        if arrays[name].shape != images:
-            raise PlaceRecognitionError(
-                f'{path}: {name} has shape {arrays[name].shape}, but the images are {images}; '
-                'it needs one row per query and one column per database image, in the '
-                'sorted order of the files'
-            )
-    if arrays['min_gap'].size != 1:
-        raise PlaceRecognitionError(
-            f'{path}: min_gap has shape {arrays["min_gap"].shape}, expected one number of images'
-        )
-    return Truth(arrays['hard'] != 0, arrays['soft'] != 0), int(arrays['min_gap'].item())
-
-
-def _load(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the three arrays of a ground-truth file."""
+    content = read_bounded(path, _FILE_BYTES, 'ground truth')
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in ('hard', 'soft', 'min_gap')}
+        with zipfile.ZipFile(BytesIO(content)) as file:
+            hard, soft = (_read(file, name, images) != 0 for name in ('hard', 'soft'))
+            min_gap = _read(file, 'min_gap', None)
+        return Truth(hard, soft), int(min_gap.item())
+    except PlaceRecognitionError as error:
+        raise PlaceRecognitionError(f'{path}: {error}') from error
     except KeyError as error:
         raise PlaceRecognitionError(
             f'{path}: {error.args[0]}; it needs the arrays hard, soft and min_gap'
         ) from error
-    except _DAMAGED as error:
-        raise PlaceRecognitionError(f'{path} is not a readable npz file: {error}') from error
+    except Exception as error:  # damaged archives raise many types of exceptions
+        raise PlaceRecognitionError(f'{path} is not a readable npz file: {error!r}') from error
+
+
+def _read(file: zipfile.ZipFile, name: str, images: tuple[int, int] | None) -> NDArray[Any]:
+    """
+    Return an array of numbers of an npz file; nothing is allocated before its shape is checked.
+
+    :param images: expected shape; None for a single number.
+    """
+    with file.open(f'{name}.npy') as member:
+        shape, fortran_order, dtype = _header(member)
+        if dtype.kind not in 'biuf':
+            raise ValueError(f'{name} holds {dtype}, not numbers')
+        if images is None and math.prod(shape) != 1:
+            raise PlaceRecognitionError(f'{name} has shape {shape}, expected one number of images')
+        if images is not None and shape != images:
+            raise PlaceRecognitionError(
+                f'{name} has shape {shape}, but the images are {images}; it needs one row per '
+                'query and one column per database image, in the order of the files'
+            )
+        count = math.prod(shape)
+        content = member.read(count * dtype.itemsize)
+    values = np.frombuffer(content, dtype, count)
+    return values.reshape(shape, order='F' if fortran_order else 'C')
+
+
+def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, whether the order is that of Fortran, and dtype of a npy file."""
+    version = np.lib.format.read_magic(member)
+    if version not in _HEADERS:
+        raise ValueError(f'npy format {version} is not supported')
+    return _HEADERS[version](member)

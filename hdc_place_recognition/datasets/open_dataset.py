@@ -11,8 +11,9 @@ from pathlib import Path
 
 from hdc_place_recognition.camera import Camera
 from hdc_place_recognition.datasets import bags
+from hdc_place_recognition.datasets.arrays import FILE, open_arrays
 from hdc_place_recognition.datasets.dataset import Dataset, Frames, GroundTruth, Mode
-from hdc_place_recognition.datasets.folders import FolderImages, read_poses
+from hdc_place_recognition.datasets.folders import FolderImages, has_yaw, read_poses
 from hdc_place_recognition.datasets.ground_truth import load_matrices, MatrixTruth, PoseTruth
 from hdc_place_recognition.datasets.poses import Poses
 from hdc_place_recognition.errors import PlaceRecognitionError
@@ -28,28 +29,37 @@ class Options:
 
     :param topic: image topic, None for the only image topic of the bag.
     :param ground_truth_topic: pose topic for ground truth, None for none.
+    :param ground_truth_frames: 'PARENT:CHILD', frames of its transforms; None for the only pair.
     :param radius_m: images within this distance show the same place, if the angle allows it.
     :param max_angle_deg: largest angle between the viewing directions of the same place.
-    :param view_axis: body axis that points forward; None for x in bags and z in poses.csv.
+    :param view_axis: body axis that points forward; None for x in bags and in poses.csv with yaw,
+        and z in poses.csv with quaternions.
     :param pose_tolerance_s: largest time difference between an image and its pose.
     :param camera_info_topic: CameraInfo topic, None for no camera.
-    :param odom_topic: Odometry topic for keyframe selection, None for no odometry.
+    :param odom_topic: pose topic for keyframe selection, None for no odometry.
+    :param odom_frames: 'PARENT:CHILD', frames of its transforms; None for the only pair.
     :param image_rectified: True if the images are rectified.
     :param skip_bad: skip messages without a valid image and images whose stamp does not
         increase, instead of raising an error.
+    :param exif_orientation: turn the images of folders by their EXIF orientation.
+    :param max_image_pixels: images of more pixels are refused.
     :raises PlaceRecognitionError: the radius or the angle is not positive.
     """
 
     topic: str | None = None
     ground_truth_topic: str | None = None
+    ground_truth_frames: str | None = None
     radius_m: float = 5.0
     max_angle_deg: float = 45.0
     view_axis: str | None = None
     pose_tolerance_s: float = Params.odom_tolerance_s
     camera_info_topic: str | None = None
     odom_topic: str | None = None
+    odom_frames: str | None = None
     image_rectified: bool = Params.image_rectified
     skip_bad: bool = False
+    exif_orientation: bool = True
+    max_image_pixels: int = Params.max_image_pixels
 
     def __post_init__(self) -> None:
         for flag, value in (('--radius', self.radius_m), ('--max-angle', self.max_angle_deg)):
@@ -86,7 +96,7 @@ def open_dataset(
     """
     Open a bag or an image folder as a dataset.
 
-    :param path: a bag, or a folder with images/ (or images/ref and images/query).
+    :param path: a bag, or a folder with images/ (or images/ref and images/query) or frames.npz.
     :param database: bag or folder of an earlier traverse that `path` is compared with; None to
         find loops within `path`.
     :param options: topics and ground-truth limits.
@@ -98,10 +108,12 @@ def open_dataset(
         return _traverses(name, _open(path, options), _open(database, options), path, options)
     if (path / 'images' / 'query').is_dir():
         query, reference = (
-            _Source(FolderImages.from_folder(path / 'images' / part), None, 'z', _ALL_IMAGES)
+            _Source(_folder(path / 'images' / part, options), None, 'z', _ALL_IMAGES)
             for part in ('query', 'ref')
         )
         return _traverses(name, query, reference, path, options)
+    if (path / FILE).is_file():
+        return open_arrays(name, path / FILE)
     return _single(name, _open(path, options), path, options)
 
 
@@ -145,10 +157,11 @@ def _traverses(
 def _open(path: Path, options: Options) -> _Source:
     """Open the images and poses of one bag or folder."""
     if (path / 'images').is_dir():
-        frames = FolderImages.from_folder(path / 'images')
+        frames = _folder(path / 'images', options)
         file = path / 'poses.csv'
         poses = read_poses(file) if file.exists() else None
-        return _Source(frames, poses, options.view_axis or 'z', _ALL_IMAGES)
+        axis = 'x' if poses and has_yaw(file) else 'z'
+        return _Source(frames, poses, options.view_axis or axis, _ALL_IMAGES)
     if not path.exists():
         raise PlaceRecognitionError(f'{path} does not exist; give a bag or a folder of images')
     if path.is_dir() and not (path / 'metadata.yaml').exists():
@@ -156,10 +169,14 @@ def _open(path: Path, options: Options) -> _Source:
             f'{path} is neither a folder of images (it has no images/) nor a bag (it has no '
             'metadata.yaml; `ros2 bag reindex` creates it)'
         )
-    images = bags.BagImages.from_bag(path, options.topic, options.skip_bad)
-    poses = (
-        bags.read_poses(path, options.ground_truth_topic) if options.ground_truth_topic else None
+    images = bags.BagImages.from_bag(
+        path, options.topic, options.skip_bad, options.max_image_pixels
     )
+    poses = None
+    if options.ground_truth_topic:
+        poses = bags.read_poses(
+            path, options.ground_truth_topic, frames=options.ground_truth_frames
+        )
     return _Source(
         images,
         poses,
@@ -167,6 +184,12 @@ def _open(path: Path, options: Options) -> _Source:
         {},
         _camera(path, options),
         _odometry(path, options),
+    )
+
+
+def _folder(folder: Path, options: Options) -> FolderImages:
+    return FolderImages.from_folder(
+        folder, options.max_image_pixels, oriented=options.exif_orientation
     )
 
 
@@ -181,7 +204,7 @@ def _odometry(path: Path, options: Options) -> Odometry:
     """Return the odometry of a bag, or `no_odometry` if no topic is given."""
     if options.odom_topic is None:
         return no_odometry
-    poses = bags.read_poses(path, options.odom_topic, '--odom-topic')
+    poses = bags.read_poses(path, options.odom_topic, '--odom-topic', options.odom_frames)
     return partial(poses.before, tolerance_ns=nanoseconds(options.pose_tolerance_s))
 
 

@@ -64,12 +64,17 @@ class Poses:
         return cls(stamps, ordered[:, :3], ordered[:, 3:])
 
     def before(self, stamp_ns: int, tolerance_ns: int) -> Pose | None:
-        """Return the last pose at or before a stamp, None if it is older than the tolerance."""
+        """
+        Return the last pose at or before a stamp, None if it is older than the tolerance.
+
+        A position without an orientation, as from satellites, gets the identity.
+        """
         index = int(np.searchsorted(self.stamps_ns, stamp_ns, side='right')) - 1
         if index < 0 or stamp_ns - int(self.stamps_ns[index]) > tolerance_ns:
             return None
         (x, y, z), (qx, qy, qz, qw) = self.positions[index], self.quaternions[index]
-        return Pose((x, y, z), (qx, qy, qz, qw))
+        known = any((qx, qy, qz, qw))
+        return Pose((x, y, z), (qx, qy, qz, qw) if known else (0.0, 0.0, 0.0, 1.0))
 
     def view_directions(self, axis: str) -> NDArray[np.float64]:
         """

@@ -165,12 +165,15 @@ def evaluate_input(
     database: str | Path | None = None,
     topic: str | None = None,
     ground_truth_topic: str | None = None,
+    ground_truth_frames: str | None = None,
     radius_m: float = Options.radius_m,
     max_angle_deg: float = Options.max_angle_deg,
     view_axis: str | None = None,
     camera_info_topic: str | None = None,
     odom_topic: str | None = None,
+    odom_frames: str | None = None,
     skip_bad: bool = False,
+    exif_orientation: bool = True,
     progress: Progress = without_progress,
     **params: Any,
 ) -> Evaluation:
@@ -187,14 +190,18 @@ def evaluate_input(
     options = Options(
         topic=topic,
         ground_truth_topic=ground_truth_topic,
+        ground_truth_frames=ground_truth_frames,
         radius_m=radius_m,
         max_angle_deg=max_angle_deg,
         view_axis=view_axis,
         pose_tolerance_s=settings.odom_tolerance_s,
         camera_info_topic=camera_info_topic,
         odom_topic=odom_topic,
+        odom_frames=odom_frames,
         image_rectified=settings.image_rectified,
         skip_bad=skip_bad,
+        exif_orientation=exif_orientation,
+        max_image_pixels=settings.max_image_pixels,
     )
     dataset = open_dataset(Path(path), None if database is None else Path(database), options)
     return evaluate_dataset(dataset, settings, progress)

@@ -63,7 +63,7 @@ def run_calibrate(arguments: argparse.Namespace) -> str:
     lines = []
     for name, verify in (('verified', True), ('unverified', False)):
         runs = [_run(path, verify) for path in arguments.data]
-        evidence = [_evidence(*run, _LEAST_EVIDENCE[verify]) for run in runs]
+        evidence = [labeled_evidence(*run, verified=verify) for run in runs]
         fitted = fit(evidence)
         lines.append(f'"{name}": {{"slope": {fitted.slope:.2f}, "center": {fitted.center:.2f}}}')
         scores = np.array([fitted.score(value) for values, _ in evidence for value in values])
@@ -91,6 +91,21 @@ def best_candidates(evaluation: Evaluation) -> LabeledScores:
         np.array([score for score, _ in best], np.float64),
         np.array([label is Label.TRUE for _, label in best], np.bool_),
     )
+
+
+def labeled_evidence(
+    labeled: LabeledScores, table: Calibration, *, verified: bool = True
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """
+    Return evidence and labels of the candidates that are used for the fit.
+
+    :param labeled: scores and labels.
+    :param table: the calibration of the scores; the evidence is its inverse.
+    :param verified: whether the candidates were verified.
+    """
+    evidence = np.array([table.evidence(score) for score in labeled.scores], np.float64)
+    used = evidence >= _LEAST_EVIDENCE[verified]
+    return evidence[used], labeled.true[used]
 
 
 def fit(sets: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]]) -> Calibration:
@@ -135,12 +150,3 @@ def _run(path: Path, verify: bool) -> tuple[LabeledScores, Calibration]:
     evaluation = evaluate_dataset(open_dataset(path), Params(verify=verify))
     verified, unverified = calibrations(evaluation.identity)
     return best_candidates(evaluation), verified if verify else unverified
-
-
-def _evidence(
-    labeled: LabeledScores, table: Calibration, least: float
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return evidence and labels; the evidence is the inverse of the score, at least `least`."""
-    evidence = np.array([table.evidence(score) for score in labeled.scores], np.float64)
-    used = evidence >= least
-    return evidence[used], labeled.true[used]

@@ -130,9 +130,10 @@ def estimate(
         query = recognizer.observe(frame).query
         keyframe_id = keyframe_ids[place] if place < len(keyframe_ids) else None
         if place in measured and keyframe_id is not None and not query.empty:
-            found = recognizer.database.search(query, 0, also=[keyframe_id], exact=True)
+            found = recognizer.database.search(query, 1, exact=True).find(keyframe_id)
+            assert found is not None  # it was just stored
             # The offset moves the query back onto the reference, so the sign is opposite.
-            shifts.append(-offsets[found.others[keyframe_id].shift])
+            shifts.append(-offsets[found.shift])
             height, width = frame.image.shape[:2]
             shares.append(np.multiply(measured[place], (1, width / height)))
     if len(shifts) < 2:

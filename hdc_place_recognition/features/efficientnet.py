@@ -66,7 +66,12 @@ def network_graph() -> bytes:
     """
     version = f'v{onnx_graph.GRAPH_VERSION}-{weights.WEIGHTS_SHA256[:16]}'
     stem = f'efficientnet_lite0-block{onnx_graph.BLOCK}-{version}'
-    return cached(stem, '.onnx', lambda: onnx_graph.build(weights.read_weights()))
+    return cached(
+        stem,
+        '.onnx',
+        onnx_graph.GRAPH_SHA256,
+        lambda: onnx_graph.build(weights.read_weights()),
+    )
 
 
 def normalized(image: Image) -> NDArray[np.float32]:

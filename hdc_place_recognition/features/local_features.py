@@ -35,6 +35,19 @@ class LocalFeatures:
         """Return the number of features k."""
         return len(self.keypoints)
 
+    @property
+    def grid_shape(self) -> tuple[int, int] | None:
+        """Return (rows, columns) if the features are a regular grid, row by row; else None."""
+        keypoints = self.keypoints
+        if not len(keypoints):
+            return None
+        columns = int(np.argmax(keypoints[:, 1] != keypoints[0, 1])) or len(keypoints)
+        if len(keypoints) % columns:
+            return None
+        x, y = keypoints[:columns, 0], keypoints[::columns, 1]
+        regular = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return (len(y), columns) if np.array_equal(regular, keypoints) else None
+
 
 class Extractor(Protocol):
     """A way to find and describe local features."""

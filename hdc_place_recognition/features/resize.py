@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]
+# Height of the reduced image in units of the width that it may have.
+LARGEST_ASPECT = 4
 
 
 def as_gray(image: Image) -> Image:
@@ -29,14 +31,19 @@ def reduce_to_width(image: Image, width: int, *, multiple: int = 1, smallest: in
     """
     Return the image reduced to a width, keeping its aspect; smaller images keep their size.
 
+    A very high image is reduced further, to a height of LARGEST_ASPECT times the width: time and
+    memory grow with the area.
+
     :param image: (h, w) or (h, w, 3).
     :param width: of the result at most, in pixels.
     :param multiple: both sides are rounded down to multiples of this.
     :param smallest: but to no less than this: only below it is an image enlarged.
     """
     height, full_width = image.shape[:2]
-    width = min(width, full_width)
-    sides = [side * width // full_width // multiple * multiple for side in (full_width, height)]
+    reduced, full = min(width, full_width), full_width
+    if reduced * height > LARGEST_ASPECT * width * full_width:
+        reduced, full = LARGEST_ASPECT * width, height
+    sides = [side * reduced // full // multiple * multiple for side in (full_width, height)]
     size = [max(smallest, side) for side in sides]
     if size == [full_width, height]:
         return image

@@ -117,13 +117,11 @@ def plan_grid(
     positions: PositionEncoder, features: LocalFeatures, shifts: Shifts
 ) -> GridPlan | None:
     """Return the plan for features that are a regular grid, row by row; None if they are not."""
-    keypoints = features.keypoints
-    columns = int(np.argmax(keypoints[:, 1] != keypoints[0, 1])) or len(keypoints)
-    if len(keypoints) % columns:
+    shape = features.grid_shape
+    if shape is None:
         return None
-    x, y = keypoints[:columns, 0], keypoints[::columns, 1]
-    if not np.array_equal(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), keypoints):
-        return None
+    columns = shape[1]
+    x, y = features.keypoints[:columns, 0], features.keypoints[::columns, 1]
     vectors_x = positions.encode_x(shifts.shift_x(x, features.width), features.width)
     vectors_y = positions.encode_y(shifts.shift_y(y, features.height), features.height)
     return GridPlan(

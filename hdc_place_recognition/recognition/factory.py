@@ -21,6 +21,7 @@ from hdc_place_recognition.features.local_features import Extractor
 from hdc_place_recognition.features.registry import create_extractor
 from hdc_place_recognition.hdc.image_descriptor import DescriptorEncoder
 from hdc_place_recognition.hdc.shifts import Shifts
+from hdc_place_recognition.hdc.words import WordHasher
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.image_encoder import ImageEncoder
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
@@ -77,7 +78,13 @@ def assemble(
     scorer = Scorer(VerificationSettings(), *calibrations(extractor.identity))
     return PlaceRecognizer(
         params,
-        ImageEncoder(extractor, descriptor, keypoints, parallel=params.threads > 1),
+        ImageEncoder(
+            extractor,
+            descriptor,
+            keypoints,
+            WordHasher(seed=params.seed),
+            parallel=params.threads > 1,
+        ),
         database,
         CandidateVerifier(database, shifts.offsets, scorer),
     )

@@ -48,6 +48,12 @@ class KeyframeSelector:
         self._vector: Hypervector | None = None
         self._pose: Pose | None = None
 
+    def novelty(self, vector: Hypervector) -> float:
+        """Return 1 - cosine of (d,) with the last keyframe, 0 to 1; 1 before the first."""
+        if self._vector is None:
+            return 1.0
+        return min(max(1.0 - float(vector @ self._vector), 0.0), 1.0)
+
     def moved(self, vector: Hypervector, pose: Pose | None, params: Params) -> bool:
         """
         Return whether an image differs from the last keyframe, and remember it if it does.

@@ -23,7 +23,8 @@ from hdc_place_recognition.recognition.image_encoder import EncodedImage, ImageE
 from hdc_place_recognition.recognition.stopwatch import Stopwatch
 from hdc_place_recognition.recognition.traverse import Traverse
 from hdc_place_recognition.results import Candidate, Detection, Frame, Status
-from hdc_place_recognition.verification.verifier import CandidateVerifier
+from hdc_place_recognition.verification.verifier import CandidateVerifier, PROPOSED
+import numpy as np
 from numpy.typing import NDArray
 
 _DEFAULT_CAMERA = Frame.camera
@@ -113,6 +114,7 @@ class PlaceRecognizer:
         candidates = self._verify(query, result, traverse, params, watch)
         # 5 Store the image if it is a new keyframe.
         added, not_stored = self._store(query, traverse, result, watch)
+        self._note(query, traverse, candidates, added)
         return _detection(query, encoded.n_features, result, candidates, watch, added, not_stored)
 
     def encode(self, image: NDArray[Any]) -> Hypervector:
@@ -145,7 +147,7 @@ class PlaceRecognizer:
         before = self._traverses.get(camera)
         traverse = self._new_traverse(camera)
         if before is not None:
-            traverse.camera, traverse.odometry = before.camera, before.odometry
+            traverse.continue_camera(before)
         return traverse
 
     def warm_up(self, width: int, height: int) -> None:
@@ -187,7 +189,9 @@ class PlaceRecognizer:
         traverse, query = self.traverse(observation.camera), observation.query
         if query.empty or not query.moved:
             return Added()
-        return self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+        added = self.database.add(_keyframe(query, traverse.number, observation.clock_ns))
+        self._note(query, traverse, (), added)
+        return added
 
     def _continued(self, frame: Frame) -> Traverse:
         """Return the traverse that a frame continues or, if the clock was set back, begins."""
@@ -202,8 +206,14 @@ class PlaceRecognizer:
             session = self._traverses[camera].session + 1
         else:
             session = max((traverse.session for traverse in known), default=0)
-        number = len(self._sessions)
-        traverse = Traverse(number, self.params, self._verifier.settings, clock_ns, session)
+        traverse = Traverse(
+            len(self._sessions),
+            self.params,
+            self._verifier.settings,
+            self._encoder.hasher,
+            clock_ns,
+            session,
+        )
         self._traverses[camera] = traverse
         self._sessions.append(session)
         return traverse
@@ -218,11 +228,8 @@ class PlaceRecognizer:
     ) -> Query:
         """Return the query of an image in its traverse; update the mean if the robot moved."""
         with watch.stage('encode'):
-            vectors = traverse.sequence.push(encoded.vectors)
-        pose = traverse.odometry(stamp_ns)
-        moved = traverse.keyframes.moved(vectors[len(vectors) // 2], pose, params)
-        query = Query(stamp_ns, vectors, encoded.keypoints, moved)
-        if moved and not query.empty:
+            query = traverse.query(stamp_ns, encoded, params)
+        if query.moved and not query.empty:
             with watch.stage('query'):
                 self.database.update_mean(query)
         return query
@@ -240,7 +247,7 @@ class PlaceRecognizer:
         with watch.stage('query'):
             return self.database.search(
                 query,
-                max(params.top_k, params.verify_top_k),
+                max(params.top_k, params.verify_top_k, PROPOSED),
                 before_ns=before_ns,
                 skip_newest=skip_newest,
                 without=without,
@@ -257,11 +264,19 @@ class PlaceRecognizer:
     ) -> tuple[Candidate, ...]:
         if query.empty:
             return ()
+        other_visits = self._other_visits(query, traverse, params)
         with watch.stage('query' if query.keypoints is None else 'verify'):
             found = self._verifier.verify(
-                query, result, traverse.temporal, traverse.camera, params
+                query, result, traverse.verification, traverse.camera, params, other_visits
             )
         return tuple(self._with_sessions(candidate, traverse.session) for candidate in found)
+
+    def _other_visits(self, query: Query, traverse: Traverse, params: Params) -> NDArray[np.int64]:
+        """Return the keyframes that appearance alone may match: of another session, or old."""
+        if query.cells is None or not params.allow_appearance_closures:
+            return np.empty(0, np.int64)
+        before_ns = traverse.filter.clock_ns - nanoseconds(params.appearance_gap_s)
+        return self.database.other_visits(traverse.number, before_ns)
 
     def _with_sessions(self, candidate: Candidate, session: int) -> Candidate:
         matched = self._sessions[self.database.get(candidate.match_id).traverse]
@@ -281,6 +296,22 @@ class PlaceRecognizer:
             except PlaceRecognitionError as error:
                 return Added(), str(error)
 
+    def _note(
+        self,
+        query: Query,
+        traverse: Traverse,
+        candidates: tuple[Candidate, ...],
+        added: Added,
+    ) -> None:
+        """Remember what a new keyframe shows, and forget evicted ones."""
+        best = next((found.match_id for found in candidates if found.accepted), None)
+        if added.keyframe_id is not None:
+            self._verifier.note_keyframe(query, added.keyframe_id, best, traverse.verification)
+            if best is None:
+                traverse.count_static(query)
+        for keyframe_id in added.evicted:
+            self._verifier.links.evict(keyframe_id)
+
 
 def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = None) -> Keyframe:
     return Keyframe(
@@ -288,6 +319,8 @@ def _keyframe(query: Query, traverse: int, clock_ns: int, twin: int | None = Non
         clock_ns=clock_ns,
         vector=query.unshifted,
         keypoints=query.keypoints,
+        words=query.words,
+        cells=query.cells,
         traverse=traverse,
         twin=twin,
     )

@@ -1,18 +1,43 @@
 # Copyright 2026 hdc_place_recognition contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The score of a candidate: named terms of evidence, and the probability of a loop closure."""
+"""
+The score of a candidate: the probability that it shows the same place.
+
+Evidence is a sum of logarithms, so each term asks for something of its own. Only slope and center
+of the score are fitted: a logistic regression on the same terms relied on the best term of one
+data set and failed on the next.
+
+=========== ========================================================= ==========================
+term        formula                                                   question
+=========== ========================================================= ==========================
+inliers     log(1 + inliers)                                          do keypoints agree?
+spread      1.5 log(min(spread, 8) / 8)                               all over the image?
+rival       .5 log((inliers + 1) / (max(rival inliers, 7) + 1))       more than at other places?
+distinct    .5 log((z + 1) / (z of rival + 1))                        found by more than chance?
+same visit  -3 if the view has not been left since                    is it another visit?
+oldest      -1 for the oldest keyframes                               might others fit better?
+support     .8 mean of the probabilities of 2 of the last 3 images    did they agree?
+=========== ========================================================= ==========================
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hdc_place_recognition.database.base import Background
+from hdc_place_recognition.database.base import Match
 from hdc_place_recognition.results import Reason
 from hdc_place_recognition.verification.geometry import Geometry
 from hdc_place_recognition.verification.settings import Calibration, VerificationSettings
 import numpy as np
 
-_MAD_TO_DEVIATION = 1.4826
+# Values of the terms for a typical true closure, against which the cost of a term is reported:
+# medians over the accepted closures of the development sets.
+_TYPICAL_INLIERS, _TYPICAL_RIVAL, _TYPICAL_DISTINCT, _TYPICAL_SUPPORT = 4.1, 1.0, 0.3, 0.4
+# Unverified candidates: deviations that are fully distinct, and the least that counts.
+_FULL_DEVIATIONS, _LEAST = 8.0, 0.05
+# Similarities needed to estimate their distribution.
+_LEAST_BACKGROUND = 8
 
 
 @dataclass(frozen=True)
@@ -38,33 +63,32 @@ class Term:
 @dataclass(frozen=True)
 class Evidence:
     """
-    What is known of one candidate, as a sum of terms that are logarithms of likelihood ratios.
-
-    Few terms with fixed weights: a freely fitted form relied on similarity, and failed on the
-    next data set.
+    What is known of one candidate.
 
     :param image: terms of the query image alone.
-    :param support: term of the images before it; None if there is no geometry.
-    :param geometry: None if the candidate was not verified.
+    :param support: term of the images before it.
+    :param ambiguous: whether another place is nearly as good and neither is beyond doubt.
     """
 
     image: tuple[Term, ...]
     support: Term
-    geometry: Geometry | None
+    ambiguous: bool = False
 
     @property
-    def strength(self) -> float:
+    def of_image(self) -> float:
         """Return the evidence of the query image alone."""
         return float(sum(term.value for term in self.image))
 
     @property
     def total(self) -> float:
         """Return the evidence with the support of the images before."""
-        return self.strength + self.support.value
+        return self.of_image + self.support.value
 
     @property
     def reason(self) -> Reason:
         """Return the reason of the term that cost most."""
+        if self.ambiguous:
+            return Reason.ANOTHER_PLACE
         return max((*self.image, self.support), key=lambda term: term.cost).reason
 
 
@@ -81,81 +105,76 @@ class Scorer:
         self, settings: VerificationSettings, verified: Calibration, unverified: Calibration
     ) -> None:
         self.settings = settings
-        self._verified, self._unverified = verified, unverified
+        self.verified, self.unverified = verified, unverified
 
     def evidence(
         self,
-        similarity: float,
-        background: Background,
-        geometry: Geometry | None,
+        match: Match,
+        geometry: Geometry,
         *,
-        at_edge: bool,
+        rival_inliers: float,
+        rival_distinctness: float,
         support: float,
     ) -> Evidence:
         """
-        Return the evidence for a candidate.
+        Return the evidence for a verified candidate.
 
-        :param similarity: centered cosine, -1 to 1.
-        :param background: of the similarities of the query.
-        :param geometry: None if it was not verified.
-        :param at_edge: whether it is one of the first or last keyframes that were searched.
+        :param match: found by the database.
+        :param geometry: of its keypoints, without static content.
+        :param rival_inliers: the highest strength of another place, 0 if none was verified.
+        :param rival_distinctness: the highest distinctness of another place.
         :param support: by the images before, 0 to 1.
         """
-        supported = Term(
-            Reason.NO_SUPPORT,
-            self.settings.support_weight * support,
-            self.settings.support_weight if geometry else 0.0,
+        settings, strength = self.settings, geometry.strength
+        spread = np.clip(geometry.spread, 1, settings.full_spread) / settings.full_spread
+        rival = (strength + 1) / (max(rival_inliers, settings.chance_inliers) + 1)
+        distinct = (match.distinctness + 1) / (rival_distinctness + 1)
+        contrast = settings.contrast_weight
+        terms: tuple[Term, ...] = (
+            Term(Reason.FEW_INLIERS, float(np.log1p(strength)), _TYPICAL_INLIERS),
+            Term(Reason.NO_SPREAD, float(settings.spread_weight * np.log(spread))),
+            Term(Reason.ANOTHER_PLACE, float(contrast * np.log(rival)), _TYPICAL_RIVAL),
+            Term(Reason.LIKE_MANY, float(contrast * np.log(distinct)), _TYPICAL_DISTINCT),
+            Term(Reason.SAME_VISIT, -settings.same_visit_penalty * match.same_visit),
+            Term(Reason.AT_EDGE, -settings.oldest_penalty * match.oldest),
         )
-        distinctness = self.distinctness(similarity, background)
-        if geometry is None:
-            terms = self._without_geometry(similarity, distinctness)
-        else:
-            terms = self._with_geometry(distinctness, geometry, at_edge)
-        return Evidence(terms, supported, geometry)
+        if geometry.spread < settings.least_spread:
+            # Inliers in few cells are no evidence at all.
+            excess = max(sum(term.value for term in terms), 0.0)
+            terms = (*terms, Term(Reason.NO_SPREAD, -excess))
+        supported = Term(Reason.NO_SUPPORT, settings.support_weight * support, _TYPICAL_SUPPORT)
+        close = rival_inliers >= settings.nearly_as_strong * strength
+        return Evidence(terms, supported, close and strength < settings.certain_inliers)
 
-    def probability(self, evidence: Evidence) -> float:
-        """Return the probability of a true loop closure, 0 to 1."""
-        table = self._unverified if evidence.geometry is None else self._verified
-        return table.score(evidence.total)
-
-    def distinctness(self, similarity: float, background: Background) -> float:
+    def unverified_evidence(self, match: Match, background_count: int) -> Evidence:
         """
-        Return how far a similarity stands out from the others of its query, 0.05 to 1.
+        Return the evidence for a candidate without geometry.
 
-        Where these are too few for a distribution, the similarity itself counts.
+        :param background_count: number of keyframes that were searched. Where they are too few for
+            a distribution, the similarity itself counts instead of distinctness.
         """
-        settings, median, scale = self.settings, 0.0, 1.0
-        if background.count >= settings.background_count:
-            median = background.median
-            deviation = _MAD_TO_DEVIATION * background.deviation + settings.deviation_floor
-            scale = deviation * settings.deviations
-        return float(np.clip((similarity - median) / scale, settings.least_distinctness, 1.0))
-
-    def _without_geometry(self, similarity: float, distinctness: float) -> tuple[Term, ...]:
-        least = self.settings.least_distinctness
-        return (
-            Term(Reason.LIKE_MANY, float(np.log(distinctness))),
-            Term(Reason.UNLIKELY, float(np.log(max(similarity, least)))),
-        )
-
-    def _with_geometry(
-        self, distinctness: float, geometry: Geometry, at_edge: bool
-    ) -> tuple[Term, ...]:
-        settings = self.settings
-        agreeing = min(geometry.votes, geometry.inliers)
-        filled = np.clip(geometry.spread, 1, settings.full_spread) / settings.full_spread
+        distinct = match.distinctness / _FULL_DEVIATIONS
+        if background_count < _LEAST_BACKGROUND:
+            distinct = match.similarity
         terms = (
-            Term(
-                Reason.FEW_INLIERS,
-                float(np.log1p(agreeing)),
-                float(np.log1p(settings.typical_inliers)),
-            ),
-            Term(Reason.LIKE_MANY, float(settings.distinctness_weight * np.log(distinctness))),
-            Term(Reason.NO_SPREAD, float(settings.spread_weight * np.log(filled))),
-            Term(Reason.AT_EDGE, -settings.edge_penalty * at_edge),
+            Term(Reason.LIKE_MANY, float(np.log(np.clip(distinct, _LEAST, 1.0)))),
+            Term(Reason.UNLIKELY, float(np.log(max(match.similarity, _LEAST)))),
         )
-        if geometry.spread >= settings.least_spread:
-            return terms
-        # Inliers without spread are no evidence at all.
-        excess = max(sum(term.value for term in terms), 0.0)
-        return (*terms, Term(Reason.NO_SPREAD, -excess))
+        return Evidence(terms, Term(Reason.NO_SUPPORT, 0.0))
+
+    def score(self, evidence: Evidence) -> float:
+        """Return the probability of a verified candidate; at most .5 if it is ambiguous."""
+        score = self.verified.score(evidence.total)
+        return min(score, 0.5) if evidence.ambiguous else score
+
+    def certainty(self, best: Evidence, rivals: Sequence[Evidence]) -> float:
+        """
+        Return how much an image supports the next ones: the probability of its best place, alone.
+
+        An image shows one place, so places compete: p = e^b / (e^b + e^c + sum of e^r), with the
+        evidence of the best b, of the best match r of each rival place, and the center c of the
+        calibration, all times its slope.
+        """
+        slope, center = self.verified.slope, self.verified.center
+        others = np.array([center, *(rival.of_image for rival in rivals)])
+        return float(1 / (1 + np.exp(slope * (others - best.of_image)).sum()))

@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable
 
 from hdc_place_recognition.verification.settings import VerificationSettings
-import numpy as np
 
 # Returns how many keyframes two ids are apart in their traverse, None for different traverses.
 Distance = Callable[[int, int], int | None]
@@ -29,6 +28,11 @@ class TemporalSupport:
         # One more than can support: an image that shows nothing new is not counted as a step.
         self._matches: deque[tuple[int, float]] = deque(maxlen=settings.support_images + 1)
 
+    @property
+    def last(self) -> tuple[int, float] | None:
+        """Return the keyframe of the last image's best match and its probability, or None."""
+        return self._matches[-1] if self._matches else None
+
     def of(self, keyframe_id: int, moved: bool, distance: Distance) -> float:
         """
         Return how much the last images support a keyframe, 0 to 1.
@@ -37,16 +41,17 @@ class TemporalSupport:
             same, and an image must not confirm itself.
         :param distance: of two keyframes.
         """
-        settings = self._settings
-        span = settings.support_full - settings.support_from
-        weights = []
-        for age, (matched_id, strength) in enumerate(reversed(self._matches), 1 if moved else 0):
+        settings, total = self._settings, 0.0
+        for age, (matched_id, probability) in enumerate(
+            reversed(self._matches), 1 if moved else 0
+        ):
             apart = distance(keyframe_id, matched_id)
-            reach = settings.support_slack + settings.support_speed * age
+            reach = settings.support_reach * (1 + age)
             if 1 <= age <= settings.support_images and apart is not None and apart <= reach:
-                weights.append(float(np.clip((strength - settings.support_from) / span, 0, 1)))
-        return min(sum(weights), settings.support_enough) / settings.support_enough
+                total += probability
+        enough = settings.support_images - 1
+        return min(total, enough) / enough
 
-    def remember(self, keyframe_id: int, strength: float) -> None:
-        """Note the best match of an image that shows something new."""
-        self._matches.append((keyframe_id, strength))
+    def remember(self, keyframe_id: int, probability: float) -> None:
+        """Note the best match of an image that shows something new, and its certainty."""
+        self._matches.append((keyframe_id, probability))

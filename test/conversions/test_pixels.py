@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scaling to 8 bits, with values computed by hand."""
 
-from hdc_place_recognition.conversions.pixels import as_uint8
+from hdc_place_recognition.conversions.pixels import as_uint8, ValueRange
 from hdc_place_recognition.errors import PlaceRecognitionError
 import numpy as np
 import pytest
@@ -101,3 +101,58 @@ def test_the_result_is_contiguous_and_the_input_unchanged(dtype, shape):
 def test_unsupported_shapes_and_types_are_errors(image):
     with pytest.raises(PlaceRecognitionError, match=r'image has shape \(.*\) and dtype \S+; need'):
         as_uint8(image)
+
+
+# --- Values that use a part of 16 bits
+
+
+@pytest.mark.parametrize('bits', [8, 10, 12, 14, 16])
+def test_16_bit_images_are_scaled_by_the_bits_they_use(bits):
+    gray = np.arange(256, dtype=np.uint16).reshape(16, 16)
+    np.testing.assert_array_equal(as_uint8(gray << (bits - 8)), gray)
+
+
+def test_a_narrow_range_is_spread():
+    thermal = np.linspace(21000, 21765, 320 * 240).astype(np.uint16).reshape(240, 320)
+    result = as_uint8(thermal)
+    assert (result.min(), result.max()) == (25, 231)  # a margin of an eighth on both sides
+    assert (np.diff(result.ravel().astype(int)) >= 0).all()
+
+
+def test_dead_pixels_do_not_count():
+    thermal = np.linspace(21000, 21765, 320 * 240).astype(np.uint16).reshape(240, 320)
+    thermal[0, :5], thermal[1, :5] = 0, 65535
+    assert np.ptp(as_uint8(thermal)[2:].astype(int)) > 180
+
+
+def test_noise_is_not_amplified():
+    noise = np.random.default_rng(0).integers(20000, 20003, (48, 64), np.uint16, endpoint=True)
+    assert np.ptp(as_uint8(noise)) <= 3
+
+
+def test_a_dark_image_of_a_12_bit_camera_stays_dark():
+    values = ValueRange()
+    bright = np.linspace(0, 4095, 6400).astype(np.uint16).reshape(80, 80)
+    assert as_uint8(bright, values).max() == 255
+    assert as_uint8(bright // 8, values).max() == 31
+    assert as_uint8(bright // 8).max() == 255  # without the images before
+
+
+def test_the_range_of_a_thermal_camera_is_stable():
+    values = ValueRange()
+    scene = np.linspace(21000, 21765, 6400).astype(np.uint16).reshape(80, 80)
+    before = as_uint8(scene, values).astype(int)
+    part = as_uint8(scene[20:60], values).astype(int)
+    assert np.abs(part - before[20:60]).max() <= 3
+    assert np.abs(as_uint8(scene[20:60]).astype(int) - before[20:60]).max() > 20
+
+
+def test_an_outlier_is_forgotten():
+    values = ValueRange()
+    depth = np.linspace(0, 5, 6400, dtype=np.float32).reshape(80, 80)
+    spoiled = depth.copy()
+    spoiled[0, 0] = 1000
+    assert as_uint8(spoiled, values)[-1, -1] == 1
+    for _ in range(300):
+        result = as_uint8(depth, values)
+    assert result.max() > 200

@@ -100,8 +100,8 @@ def test_views_are_alike_from_a_cosine_of_03():
 
 def test_evicted_keyframes_are_unknown():
     database, _ = fill(3, [place(0), place(1), place(0, 20, also=0.2), place(5)])
-    assert database.neighbors(2) == () and database.distance(1, 2) is None
-    assert database.neighbors(3) == (1,) and database.distance(0, 3) == 2
+    assert database.near(2, 1) == () and database.distance(1, 2) is None
+    assert database.near(3, 1) == (1,) and database.distance(0, 3) == 2
     with pytest.raises(KeyError):
         database.get(2)
 
@@ -121,7 +121,7 @@ def test_slots_are_used_again_and_answers_follow():
     drift = normalize(np.cumsum(rng.standard_normal((400, 1, 64), np.float32), axis=0))
     database, _ = fill(20, list(drift))
     assert len(database) == 20 and len(database._store) == 20
-    assert database.nbytes == 20 * (4 * 64 + 8 + 8 + 6 * 8 + 3 * 8 + 8)
+    assert database.nbytes == 20 * (4 * 64 + 8 + 8 + 60 + 3 * 8 + 8)
     stored = drift[list(database.ids), 0]
     assert np.allclose(search(database, drift[-1]), stored @ drift[-1, 0], atol=1e-6)
     assert list(database.ids) == sorted(database.ids)

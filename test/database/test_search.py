@@ -3,7 +3,7 @@
 """Two stages against the exact search, and the signs that they go by."""
 
 from hdc_place_recognition.database import memory, search, sign_index
-from hdc_place_recognition.database.base import Keyframe, Query, SearchResult
+from hdc_place_recognition.database.base import Background, Keyframe, Query, SearchResult
 from hdc_place_recognition.database.memory import MemoryDatabase
 from hdc_place_recognition.database.sign_index import SignIndex
 from hdc_place_recognition.database.vector_store import VectorStore
@@ -155,6 +155,38 @@ def test_distances_to_queries(dimensions, monkeypatch):
     assert table.fine(rows[:3], places[:0]).shape == (3, 0)
 
 
+@pytest.mark.parametrize('count', [2047, 2048, 2049])
+def test_a_block_of_signs_ends_where_the_slots_do(count):
+    table = SignIndex(17)
+    # Slot n differs from 0 in 1 of the coarse signs, or in 2 if n is even; in 3 of the others.
+    rows = np.zeros((2, 17), np.uint64)
+    rows[:, 0], rows[:, 16] = (3, 1), 7
+    for slot in range(count):
+        table.put(slot, rows[slot % 2, None])
+    zero = np.zeros((1, 17), np.uint64)
+    last = np.array([0, count - 1])
+    assert table.coarse(zero, count)[0, last].tolist() == [2, 1 + count % 2]
+    assert table.coarse(zero, count - 1).shape == (1, count - 1)
+    assert table.fine(zero, last).tolist() == [[3, 3]]
+    assert np.array_equal(table.get(count - 1), rows[(count - 1) % 2])
+    table.truncate(2047)
+    assert len(table._blocks) == 1
+    table.truncate(0)
+    table.put(0, zero)
+    assert table.coarse(zero, 1).tolist() == [[0]] and len(table._blocks) == 1
+
+
+def test_one_empty_block_of_signs_is_kept():
+    table = SignIndex(1)
+    for slot in range(4097):
+        table.put(slot, np.zeros((1, 1), np.uint64))
+    blocks = []
+    for slots in (4096, 4095, 2048, 2047):
+        table.truncate(slots)
+        blocks.append(len(table._blocks))
+    assert blocks == [3, 2, 2, 1]
+
+
 def test_ones_are_counted_without_numpy_2():
     bits = np.array([0, 1, 2**64 - 1, 0x8000000000000001, 0x5555555555555555], np.uint64)
     assert sign_index.count_in_words(bits).tolist() == [0, 1, 64, 2, 32]
@@ -177,3 +209,15 @@ def test_groups_of_shifts_overlap():
     groups = Shifts(5, 5, 0.1).groups
     assert groups[0] == (0, 1, 2, 5, 6, 7, 10, 11, 12) and len(groups) == 4
     assert set(sum(groups, ())) == set(range(25))
+
+
+def test_a_query_is_known_by_its_middle_vector():
+    vectors = np.arange(10, dtype=np.float32).reshape(5, 2)
+    assert Query(0, vectors).unshifted.tolist() == [4, 5] and not Query(0, vectors).empty
+    assert Query(0, vectors[:1]).unshifted.tolist() == [0, 1]
+    assert Query(0, np.zeros((3, 2), np.float32)).empty
+
+
+def test_background_of_nothing_is_zero():
+    assert Background.of(np.empty(0, np.float32)) == Background(0, 0.0, 0.0)
+    assert Background.of(np.array([1, 2, 6], np.float32)) == Background(3, 2.0, 1.0)

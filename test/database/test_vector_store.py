@@ -9,7 +9,8 @@ from conftest import CellExtractor, texture
 from hdc_place_recognition.database.base import Keyframe, Query
 from hdc_place_recognition.database.eviction import Capacity
 from hdc_place_recognition.database.memory import MemoryDatabase
-from hdc_place_recognition.database.storage import FileStorage
+from hdc_place_recognition.database.sign_index import signs
+from hdc_place_recognition.database.storage import FileStorage, RamStorage
 from hdc_place_recognition.database.vector_store import SlotOrder, VectorStore
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.hdc.algebra import normalize
@@ -131,3 +132,128 @@ def test_order_of_what_moves():
         assert order.in_order(held, len(expected)).tolist() == expected
         assert held[order.slots(np.arange(len(expected)))].tolist() == expected
     assert expected == [2, 3] and order.slots_to_read(1) == 2
+
+
+@pytest.mark.parametrize('slots', [(0,), (255, 255), (256, 0), (512, 511), (512, 256, 255, 0)])
+def test_the_last_vector_takes_the_place_of_a_removed_one(slots):
+    queries = vectors(513)
+    store, content = VectorStore(128), list(range(513))
+    for query in queries:
+        store.add(query, ZERO)
+    for slot in slots:
+        store.remove(slot)
+        content[slot] = content[-1]
+        content.pop()
+    held = queries[content]
+    assert len(store) == len(content)
+    assert np.array_equal(store.gather(np.arange(len(content)))[0], held)
+    assert np.array_equal([store.vector(slot) for slot in range(len(content))], held)
+    assert store.squares(len(content)) == pytest.approx(np.ones(len(content)))
+    for count in (len(content), 257, 256, 255, 1):
+        products = store.products(queries[:1], count)
+        assert np.allclose(products, held[:count] @ queries[:1].T, atol=1e-6)
+    found = [store.signs.get(slot) for slot in range(len(content))]
+    assert np.array_equal(found, signs(held, ZERO))
+
+
+def test_squared_lengths_move_with_their_vectors():
+    store = VectorStore(128)
+    for length in (1, 2, 3):
+        store.add(length * vectors(1)[0], ZERO)
+    store.remove(0)
+    assert store.squares(2) == pytest.approx([9, 4])
+    assert store.gather(np.array([1, 0]))[1] == pytest.approx([4, 9])
+
+
+@pytest.mark.parametrize('count', [1, 2, 3, 4])
+def test_products_with_few_and_many_probes(count):
+    queries = vectors(40)
+    store = VectorStore(128)
+    for query in queries:
+        store.add(query, ZERO)
+    products = store.products(queries[:count], 40)
+    assert products.shape == (40, count)
+    assert np.allclose(products, queries @ queries[:count].T, atol=1e-6)
+
+
+class Counting(RamStorage):
+    """Storage that counts its matrices."""
+
+    def __init__(self) -> None:
+        self.matrices = 0
+
+    def allocate(self, rows: int, dimensions: int, dtype: np.dtype) -> NDArray:
+        self.matrices += 1
+        return super().allocate(rows, dimensions, dtype)
+
+    def release(self, matrix: NDArray) -> None:
+        self.matrices -= 1
+
+
+def test_one_empty_chunk_is_kept():
+    storage, held = Counting(), {}
+    store = VectorStore(128, storage=storage)
+    for count in range(1, 514):
+        store.add(ZERO, ZERO)
+        held[count] = storage.matrices
+    assert [held[count] for count in (1, 256, 257, 512, 513)] == [1, 1, 2, 2, 3]
+    for count in reversed(range(513)):
+        store.remove(0)
+        held[count] = storage.matrices
+    assert [held[count] for count in (512, 256, 255, 0)] == [3, 3, 2, 2]
+
+
+def test_signs_are_taken_again_of_slots_that_follow():
+    store = VectorStore(128)
+    for query in vectors(258):
+        store.add(query, ZERO)
+    high = np.full(128, 9, np.float32)
+    store.update_signs(254, high, 2)
+    store.update_signs(257, high, 2)
+    cleared = [slot for slot in range(258) if not store.signs.get(slot).any()]
+    assert cleared == [254, 255, 257]
+
+
+def test_bytes_of_a_slot(tmp_path):
+    # Vector, signs and squared length; 100 signs take two words.
+    assert VectorStore(100).slot_nbytes == 400 + 16 + 8
+    assert VectorStore(100, 'float16').slot_nbytes == 200 + 16 + 8
+    assert VectorStore(100, storage=FileStorage(tmp_path)).slot_nbytes == 16 + 8
+
+
+def test_matrices_lie_on_pages_and_in_one_map(tmp_path, monkeypatch):
+    monkeypatch.setattr('hdc_place_recognition.database.storage._MAP_BYTES', 4 * 4096)
+    storage, byte = FileStorage(tmp_path), np.dtype(np.uint8)
+    sizes, ends, maps = (4096, 4097, 4096, 2 * 4096, 1), [], []
+    matrices = []
+    for number, size in enumerate(sizes):
+        matrices.append(storage.allocate(1, size, byte))
+        matrices[-1][:] = number
+        ends.append(storage._end // 4096)
+        maps.append(len(storage._maps))
+    # 1 page, 2 pages, 1 page: the map is full. 2 pages and 1 page in the next one.
+    assert ends == [1, 3, 4, 6, 7] and maps == [1, 1, 1, 2, 2]
+    storage.drop_pages()
+    for number, (matrix, size) in enumerate(zip(matrices, sizes, strict=True)):
+        assert matrix.shape == (1, size) and (matrix == number).all()
+    # Two pages no longer fit behind these.
+    assert storage.allocate(2, 4096, byte).shape == (2, 4096)
+    assert storage._end == 10 * 4096 and len(storage._maps) == 3
+    storage.release(matrices[0])
+    assert storage.allocate(1, 4096, byte) is matrices[0]
+
+
+def test_the_last_row_is_removed_without_an_order():
+    order = SlotOrder()
+    for _ in range(3):
+        order.append()
+    order.remove(2)
+    assert order.row_nbytes == 0 and order.slots_to_read(1) == 1
+    order.append()
+    order.remove(0)
+    # The vector of the last row is now in slot 0.
+    assert [order.slot(row) for row in range(2)] == [1, 0]
+    assert order.row_nbytes == 8 and order.slots_to_read(1) == 2
+    assert order.in_order(np.array([[7, 8, 9]]), 2).tolist() == [[8, 7]]
+    order.append()
+    assert order.slots(np.array([2, 0])).tolist() == [2, 1]

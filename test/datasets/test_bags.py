@@ -294,3 +294,48 @@ def test_commands_import_neither_rosbags_nor_matplotlib():
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert done.stdout == '[]\n', done.stderr
+
+
+def test_transforms_between_chosen_frames(tmp_path):
+    types = STORE.types
+    kind = 'tf2_msgs/msg/TFMessage'
+
+    def transform(parent, child, x):
+        return types['geometry_msgs/msg/TransformStamped'](
+            header=types['std_msgs/msg/Header'](stamp=header(START).stamp, frame_id=parent),
+            child_frame_id=child,
+            transform=types['geometry_msgs/msg/Transform'](
+                translation=types['geometry_msgs/msg/Vector3'](x, 0.0, 0.0),
+                rotation=types['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0),
+            ),
+        )
+
+    both = types[kind]([transform('map', 'odom', 1.0), transform('odom', 'base_link', 2.0)])
+    bag = write_bag(tmp_path / 'bag', [('/tf', both)])
+    assert bags.read_poses(bag, '/tf', frames='odom:base_link').positions.tolist() == [[2, 0, 0]]
+    choices = r'use --odom-frames map:odom \| --odom-frames odom:base_link$'
+    with pytest.raises(PlaceRecognitionError, match=choices):
+        bags.read_poses(bag, '/tf', '--odom-topic')
+    with pytest.raises(PlaceRecognitionError, match='--ground-truth-frames map: expected PARENT:'):
+        bags.read_poses(bag, '/tf', frames='map')
+
+
+def test_satellite_positions_have_no_orientation(tmp_path):
+    types = STORE.types
+    fixes = [
+        types['sensor_msgs/msg/NavSatFix'](
+            header=header(START + number * S),
+            status=types['sensor_msgs/msg/NavSatStatus'](status=0, service=1),
+            latitude=50.0 + number / 1000,
+            longitude=14.0,
+            altitude=200.0,
+            position_covariance=np.zeros(9),
+            position_covariance_type=0,
+        )
+        for number in range(2)
+    ]
+    poses = bags.read_poses(write_bag(tmp_path / 'bag', [('/f', fix) for fix in fixes]), '/f')
+    assert poses.before(START, S).orientation == (0, 0, 0, 1)
+    assert 110 < poses.positions[1, 1] < 112
+    with pytest.raises(PlaceRecognitionError, match='use --max-angle 180'):
+        poses.view_directions('x')

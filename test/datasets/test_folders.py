@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Image folders, and the dataset that each kind of input gives."""
 
+import os
+
 import cv2
 from hdc_place_recognition.datasets.dataset import Mode
 from hdc_place_recognition.datasets.folders import FolderImages, read_image, read_poses
@@ -202,3 +204,116 @@ def test_a_development_set_opens(shared_data, name, mode):
     if not folder.is_dir():
         pytest.skip(f'no {folder}')
     assert open_dataset(folder).mode is mode
+
+
+# --- Names and files as cameras and people leave them
+
+
+def named(folder, *names):
+    """Write an image of one value for each name; return the folder."""
+    folder.mkdir(parents=True)
+    for value, name in enumerate(names):
+        cv2.imwrite(str(folder / name), np.full((16, 16), 10 * value, np.uint8))
+    return folder
+
+
+def test_numbers_without_padding_are_in_natural_order(tmp_path, caplog):
+    folder = named(tmp_path / 'images', '10.png', '9.png', '1.png', 'B2.png', 'a10.png', 'b1.PNG')
+    names = [file.name for file in FolderImages.from_folder(folder).files]
+    assert names == ['1.png', '9.png', '10.png', 'a10.png', 'b1.PNG', 'B2.png']
+    assert 'in the order of the numbers in their names, 9.png before 10.png' in caplog.text
+
+
+def test_padded_numbers_need_no_warning(tmp_path, caplog):
+    FolderImages.from_folder(named(tmp_path / 'images', '0001.png', '0002.png', '0010.png'))
+    assert not caplog.records
+
+
+def test_an_ambiguous_order_is_logged(tmp_path, caplog):
+    FolderImages.from_folder(named(tmp_path / 'images', '1.png', '01.png', '2.png'))
+    assert 'the order of 01.png and 1.png is ambiguous' in caplog.text
+
+
+@pytest.mark.parametrize('suffix', ['.webp', '.tif', '.tiff', '.bmp', '.pgm', '.jp2', '.WebP'])
+def test_other_formats(tmp_path, suffix):
+    if not cv2.haveImageWriter('image' + suffix.lower()):
+        pytest.skip(f'OpenCV writes no {suffix}')
+    (tmp_path / 'images').mkdir()
+    image = np.repeat(np.arange(0, 256, 4, dtype=np.uint8)[:, None], 64, axis=1)
+    data = cv2.imencode(suffix.lower(), image)[1]
+    (tmp_path / 'images' / f'0{suffix}').write_bytes(data.tobytes())
+    (frame,) = FolderImages.from_folder(tmp_path / 'images')
+    gray = frame.image if frame.image.ndim == 2 else frame.image[..., 0]
+    assert np.abs(gray.astype(int) - image).mean() < 6
+
+
+def test_what_is_left_out_is_logged(tmp_path, caplog):
+    caplog.set_level('INFO')
+    folder = named(tmp_path / 'images', '0.png')
+    for name in ('._0.png', 'a.txt', 'b.heic', 'c.avi', 'd.raw'):
+        (folder / name).write_text('x')
+    (folder / 'e.png').mkdir()
+    os.mkfifo(folder / 'f.jpg')
+    assert len(list(FolderImages.from_folder(folder))) == 1
+    assert 'left out 1 hidden file: ._0.png' in caplog.text
+    assert 'left out 6 files: a.txt, b.heic, c.avi, ...; read are regular' in caplog.text
+
+
+def turned(image):
+    """Return a JPEG that was taken upright: turned, with EXIF orientation 6."""
+    data = cv2.imencode('.jpg', np.rot90(image))[1].tobytes()
+    tiff = b'MM\0\x2a\0\0\0\x08' + b'\0\x01' + b'\x01\x12\0\x03\0\0\0\x01\0\x06\0\0' + bytes(4)
+    exif = b'Exif\0\0' + tiff
+    return data[:2] + b'\xff\xe1' + (len(exif) + 2).to_bytes(2, 'big') + exif + data[2:]
+
+
+def test_the_exif_orientation_is_honored_unless_switched_off(tmp_path):
+    (tmp_path / 'images').mkdir()
+    image = np.zeros((32, 48), np.uint8)
+    image[:8] = 255
+    (tmp_path / 'images' / '0.jpg').write_bytes(turned(image))
+    (frame,) = open_dataset(tmp_path).queries
+    assert frame.image.shape == (32, 48)
+    assert np.abs(frame.image.astype(int) - image).mean() < 3
+    (frame,) = open_dataset(tmp_path, options=Options(exif_orientation=False)).queries
+    assert frame.image.shape == (48, 32)
+
+
+def test_images_that_are_too_large(tmp_path):
+    named(tmp_path / 'images', '0.png')
+    with pytest.raises(
+        PlaceRecognitionError, match=r'0\.png: image of 16 x 16 has more than max_'
+    ):
+        list(open_dataset(tmp_path, options=Options(max_image_pixels=255)).queries)
+
+
+def test_poses_with_yaw(tmp_path):
+    write_images(tmp_path / 'images', 2)
+    file = tmp_path / 'poses.csv'
+    file.write_text(f'index, x, y, yaw\n0,1,2,0\n1,3,4,{np.pi / 2}\n')
+    poses = read_poses(file)
+    np.testing.assert_array_equal(poses.positions, [[1, 2, 0], [3, 4, 0]])
+    np.testing.assert_allclose(poses.view_directions('x'), [[1, 0, 0], [0, 1, 0]], atol=1e-12)
+    assert open_dataset(tmp_path).ground_truth.view_axis == 'x'
+    assert open_dataset(tmp_path, options=Options(view_axis='z')).ground_truth.view_axis == 'z'
+
+
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (b'index,x,y,yaw\n-1,0,0,0\n', 'line 2: .*index -1 is outside 0 to 1000000000'),
+        (b'index,x,y,yaw\n0,0,0,0\n99999999999999999999,0,0,0\n', 'line 3: .*is outside'),
+        (b'index,x,y,yaw\n' + b'9' * 5000 + b',0,0,0\n', 'line 2'),
+        (b'index,x,y,yaw\n0,0,0,' + b'1' * 200_000, 'line 2: .*field larger than field limit'),
+        (b'\xff\xfe\0', 'line 2: UnicodeDecodeError'),
+        (b'index,x,y,yaw\n0,0,0,inf\n', 'no pose of finite numbers'),
+        (b'', 'no pose of finite numbers'),
+        (b'0' * (2**24 + 1), 'more than the limit of 16777216'),
+    ],
+    ids=['negative', 'large', 'digits', 'field', 'encoding', 'infinite', 'empty', 'size'],
+)
+def test_hostile_poses_are_one_error(tmp_path, content, reason):
+    file = tmp_path / 'poses.csv'
+    file.write_bytes(content)
+    with pytest.raises(PlaceRecognitionError, match=rf'poses\.csv.*{reason}'):
+        read_poses(file)

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """EfficientNet-Lite0: reading the weights, the graph, its cache, the runtimes, the features."""
 
+from collections.abc import Callable
+import hashlib
 import os
 from pathlib import Path
 import pickle
+import stat
 import struct
 import sys
 
@@ -239,30 +242,74 @@ def test_opencv_serves_where_onnxruntime_is_missing(state, monkeypatch, caplog):
 # Cache
 
 
+GRAPH = b'graph'
+GRAPH_HASH = hashlib.sha256(GRAPH).hexdigest()
+
+
 def make() -> bytes:
-    return b'graph'
+    return GRAPH
 
 
 def never() -> bytes:
     raise AssertionError('made again')
 
 
-def test_a_file_is_made_once(folder):
-    assert cache.cached('net', '.onnx', make) == b'graph'
-    assert cache.cached('net', '.onnx', never) == b'graph'
-    assert [path.suffix for path in folder.iterdir()] == ['.onnx']
-    with pytest.raises(AssertionError, match='made again'):
-        cache.cached('net2', '.onnx', never)
+def cached(make: Callable[[], bytes], stem: str = 'net', sha256: str = GRAPH_HASH) -> bytes:
+    return cache.cached(stem, '.onnx', sha256, make)
 
 
-def test_a_damaged_file_is_made_again(folder, caplog):
-    cache.cached('net', '.onnx', make)
+def test_a_file_is_made_once_and_only_for_the_user(folder):
+    assert cached(make) == GRAPH
+    assert cached(never) == GRAPH
     (path,) = folder.iterdir()
-    path.write_bytes(b'grap')
-    assert cache.cached('net', '.onnx', make) == b'graph'
-    assert 'is damaged' in caplog.text
-    assert path.read_bytes() == b'graph'
+    assert path.name == f'net-{GRAPH_HASH[:16]}.onnx'
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    with pytest.raises(AssertionError, match='made again'):
+        cached(never, 'net2')
+
+
+@pytest.mark.parametrize('content', [b'grap', b'another network', b'', b'graph' * 1000])
+def test_a_damaged_or_foreign_file_is_made_again(folder, caplog, content):
+    cached(make)
+    (path,) = folder.iterdir()
+    path.write_bytes(content)
+    assert cached(make) == GRAPH
+    assert 'is damaged or foreign' in caplog.text
+    assert path.read_bytes() == GRAPH
     assert list(folder.iterdir()) == [path]
+
+
+def test_a_file_that_is_consistent_with_its_own_name_is_not_enough(folder):
+    foreign = hashlib.sha256(b'foreign').hexdigest()
+    folder.mkdir()
+    (folder / f'net-{foreign[:16]}.onnx').write_bytes(b'foreign')
+    assert cached(make) == GRAPH
+
+
+@pytest.mark.parametrize('kind', ['pipe', 'folder', 'device', 'broken link', 'too large'])
+def test_only_a_regular_file_of_bounded_size_is_read(folder, caplog, kind, tmp_path):
+    cached(make)
+    (path,) = folder.iterdir()
+    path.unlink()
+    if kind == 'pipe':
+        os.mkfifo(path)
+    elif kind == 'folder':
+        path.mkdir()
+    elif kind == 'too large':
+        with path.open('wb') as file:
+            file.truncate(2**40)
+    else:
+        path.symlink_to('/dev/zero' if kind == 'device' else tmp_path / 'nowhere')
+    assert cached(make) == GRAPH
+    assert 'it is generated again' in caplog.text
+
+
+def test_a_content_that_is_not_the_expected_one_is_not_stored(folder, caplog):
+    caplog.set_level('INFO')
+    assert cached(lambda: b'by another version of onnx') == b'by another version of onnx'
+    assert 'not stored' in caplog.text
+    assert not folder.exists()
 
 
 def test_a_failure_to_write_leaves_nothing_behind_and_is_not_fatal(folder, monkeypatch, caplog):
@@ -270,7 +317,7 @@ def test_a_failure_to_write_leaves_nothing_behind_and_is_not_fatal(folder, monke
         raise OSError(28, 'No space left on device')
 
     monkeypatch.setattr(os, 'replace', fail)
-    assert cache.cached('net', '.onnx', make) == b'graph'
+    assert cached(make) == GRAPH
     assert 'cannot be written' in caplog.text
     assert list(folder.iterdir()) == []
 
@@ -278,8 +325,17 @@ def test_a_failure_to_write_leaves_nothing_behind_and_is_not_fatal(folder, monke
 def test_a_folder_that_cannot_be_made_is_not_fatal(tmp_path, monkeypatch, caplog):
     (tmp_path / 'file').touch()
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'file'))
-    assert cache.cached('net', '.onnx', make) == b'graph'
+    assert cached(make) == GRAPH
     assert 'cannot be written' in caplog.text
+
+
+def test_without_a_home_folder_there_is_no_cache(monkeypatch, caplog):
+    def fail() -> Path:
+        raise RuntimeError('Could not determine home directory.')
+
+    monkeypatch.setattr(cache, 'cache_folder', fail)
+    assert cached(make) == GRAPH
+    assert 'there is no cache' in caplog.text
 
 
 def test_a_relative_cache_folder_is_not_used(monkeypatch, tmp_path):
@@ -293,6 +349,7 @@ def test_the_graph_is_kept_and_always_the_same(state, graph, folder):
     assert onnx_graph.build(state) == graph
     (path,) = folder.iterdir()
     assert path.read_bytes() == graph
+    assert hashlib.sha256(graph).hexdigest() == onnx_graph.GRAPH_SHA256
     assert f'-v{onnx_graph.GRAPH_VERSION}-{weights.WEIGHTS_SHA256[:16]}-' in path.name
 
 
@@ -332,3 +389,25 @@ def test_the_identity_names_block_width_and_weights_but_not_the_runtime(state, m
     assert identity == 'efficientnet_lite0 block=10 image_width=320 weights=579344248a93e230'
     monkeypatch.setitem(sys.modules, 'onnxruntime', None)
     assert EfficientNetLite0(image_width=320).identity == identity
+
+
+def test_no_more_threads_than_cpus(caplog):
+    available = len(os.sched_getaffinity(0))
+    assert runtime.usable_threads(available) == available
+    assert not caplog.records
+    assert runtime.usable_threads(256) == available
+    assert f'threads 256 is more than the {available} CPUs' in caplog.text
+
+
+def test_onnxruntime_sends_nothing(graph, monkeypatch):
+    onnxruntime = pytest.importorskip('onnxruntime')
+    calls = []
+    real = onnxruntime.InferenceSession
+    monkeypatch.setattr(onnxruntime, 'disable_telemetry_events', lambda: calls.append('off'))
+    monkeypatch.setattr(
+        onnxruntime,
+        'InferenceSession',
+        lambda *arguments, **options: calls.append('session') or real(*arguments, **options),
+    )
+    runtime.with_onnxruntime(graph, [onnx_graph.FEATURES], 1)
+    assert calls == ['off', 'session']

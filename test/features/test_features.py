@@ -142,12 +142,27 @@ def test_a_larger_image_is_reduced_and_its_keypoints_are_in_its_own_pixels(name)
         ((200, 300), (192, 288)),
         ((375, 1242, 3), (96, 320, 3)),
         ((20, 5000), (32, 320)),
+        ((1920, 1080), (560, 320)),
+        ((2560, 640), (1280, 320)),
+        ((2561, 640), (1280, 304)),
+        ((100_000, 320), (1280, 32)),
+        ((100_000, 20), (1280, 32)),
         ((5, 5, 3), (32, 32, 3)),
     ],
 )
 def test_sides_are_multiples_and_never_grow_but_to_the_smallest(shape, reduced):
     image = np.zeros(shape, np.uint8)
     assert reduce_to_width(image, 320, multiple=16, smallest=32).shape == reduced
+
+
+@pytest.mark.parametrize('name', ['gradient_grid', 'rootsift', 'orb'])
+def test_a_very_high_image_has_few_features_in_its_own_pixels(name):
+    image = np.random.default_rng(0).integers(0, 256, (40_000, 320), np.uint8)
+    features = create(name).extract(image)
+    assert (features.width, features.height) == (320, 40_000)
+    assert len(features) <= 300
+    if len(features):
+        assert features.keypoints[:, 1].max() > 20_000
 
 
 def test_an_image_that_is_small_enough_is_not_copied():
@@ -282,3 +297,49 @@ def test_points_without_gradient_are_left_out():
     assert np.allclose(np.linalg.norm(features.descriptors, axis=1), 1, atol=1e-6)
     # A point sees 16 pixels around it, and one cell more by the blur.
     assert features.keypoints[:, 0].min() == 143.5
+
+
+def test_a_lit_pixel_is_seen_in_the_cells_next_to_its_own():
+    image = np.zeros((40, 40), np.uint8)
+    image[20, 20] = 90
+    cells = cell_histograms(image)
+    seen = cells.any(axis=2)
+    assert seen[1:4, 1:4].all() and seen.sum() == 9
+    # Two horizontal gradients and two vertical ones of 90, in 64 pixels and 9 cells.
+    assert np.allclose(cells[1:4, 1:4], np.array([180, 0, 0, 0] * 2) / 64 / 9, atol=0.01)
+
+
+def test_the_sum_over_the_orientations_is_the_magnitude():
+    grey = texture(5, 16, 16)
+    inside = grey[1:-1].astype(np.float64), grey[:, 1:-1].astype(np.float64)
+    x, y = inside[0][:, 2:] - inside[0][:, :-2], inside[1][2:] - inside[1][:-2]
+    sums = oriented_gradients(grey)[:, 1:-1, 1:-1].sum(axis=0)
+    assert np.allclose(sums, np.hypot(x, y), atol=1e-3)
+
+
+def test_a_keypoint_of_a_larger_image_is_larger_and_turned_the_same():
+    small = scene()
+    large = cv2.resize(small, (640, 480), interpolation=cv2.INTER_NEAREST)
+    of_small, of_large = (create('rootsift').extract(image) for image in (small, large))
+    assert np.array_equal(of_large.sizes, of_small.sizes * 2)
+    assert np.array_equal(of_large.angles, of_small.angles)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'width', 'reduced'),
+    [
+        ((100, 200), 100, (50, 100)),
+        ((99, 200), 100, (49, 100)),
+        ((100, 99), 100, (100, 99)),
+        ((1, 200), 100, (1, 100)),
+    ],
+)
+def test_the_aspect_is_kept_and_sides_are_rounded_down(shape, width, reduced):
+    assert reduce_to_width(np.zeros(shape, np.uint8), width).shape == reduced
+
+
+def test_places_are_restored_in_both_directions():
+    points = np.array([[-0.5, -0.5], [0, 0], [9.5, 4.5]], np.float32)
+    reduced, image = np.zeros((5, 10), np.uint8), np.zeros((20, 20, 3), np.uint8)
+    restored = restore(points, reduced, image)
+    assert restored.tolist() == [[-0.5, -0.5], [0.5, 1.5], [19.5, 19.5]]

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.hdc import algebra
 from hdc_place_recognition.hdc.position import PositionEncoder
+from hdc_place_recognition.hdc.sequence import SequenceBundler
 import numpy as np
 import pytest
 
@@ -101,3 +102,25 @@ def test_outside_and_degenerate_images():
         0,
         4096,
     )
+
+
+def test_each_kind_of_random_vectors_has_a_stream_of_its_own():
+    encoder = PositionEncoder(dimensions=64, n_x=3, n_y=3, seed=5)
+    streams = [np.random.default_rng([5, axis]) for axis in range(3)]
+    x, y, places = (algebra.random_vectors(4, 64, stream) for stream in streams)
+    assert np.array_equal(encoder.basis_x, x) and np.array_equal(encoder.basis_y, y)
+    sequence = SequenceBundler(dimensions=64, length=4, seed=5)
+    ones = np.ones(64, np.float32)
+    assert np.array_equal(sequence.push(ones), algebra.normalize(places[0]))
+
+
+def test_splits_at_ends_and_borders():
+    # 9 pixels and 2 subintervals of 4: a border belongs to the right, the end to the last one.
+    encoder = PositionEncoder(dimensions=8, n_x=2, n_y=4, seed=0)
+    splits = encoder.splits_x(np.array([-1, 0, 3, 4, 8, 9], np.float32), 9)
+    assert splits.left.tolist() == [0, 0, 0, 1, 1, 1]
+    assert splits.alpha.tolist() == [8, 8, 2, 8, 0, 0]
+    # One pixel is at the beginning; of two the second is at the end.
+    assert encoder.splits_y(np.array([0], np.float32), 1).left.tolist() == [0]
+    two = encoder.splits_y(np.array([0, 1], np.float32), 2)
+    assert two.left.tolist() == [0, 3] and two.alpha.tolist() == [8, 0]

@@ -4,7 +4,9 @@
 
 import argparse
 from dataclasses import fields
+import os
 from pathlib import Path
+from time import perf_counter
 
 from conftest import ROOT
 from hdc_place_recognition.cli.params import main
@@ -157,3 +159,37 @@ def test_extractors_of_the_table_exist():
 
     item = next(item for item in fields(Params) if item.name == 'extractor')
     assert spec(item).choices == tuple(EXTRACTORS)
+
+
+EXPLODING = 'a: &a [0, 0, 0, 0, 0, 0, 0, 0]\n' + ''.join(
+    f'{name}: &{name} [{", ".join(8 * ["*" + before])}]\n'
+    for before, name in zip('abcdefgh', 'bcdefghi', strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (EXPLODING, 'not valid YAML: line 2 has an alias; write the value out'),
+        ('[' * 100_000, 'not valid YAML: .*nest'),
+        ('a: ' + '9' * 5000, 'not valid YAML'),
+        ('a: ' + '1:' * 20000 + '1', 'a value of 40001 characters'),
+        ('a: 2026-99-99', 'not valid YAML'),
+        ('#' * 300_000, 'has 300000 bytes, more than the limit of 262144'),
+    ],
+    ids=['aliases', 'depth', 'digits', 'base 60', 'date', 'size'],
+)
+def test_a_hostile_file_is_one_line_at_once(tmp_path, content, reason):
+    file = tmp_path / 'params.yaml'
+    file.write_text(content)
+    start = perf_counter()
+    with pytest.raises(PlaceRecognitionError, match=reason) as caught:
+        load_yaml(file)
+    assert perf_counter() - start < 2
+    assert '\n' not in str(caught.value)
+
+
+def test_a_pipe_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / 'pipe.yaml')
+    with pytest.raises(PlaceRecognitionError, match=r'pipe\.yaml is not a regular file'):
+        load_yaml(tmp_path / 'pipe.yaml')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames are accepted or skipped by their stamps."""
 
-from hdc_place_recognition.recognition.frame_filter import FrameFilter
+from hdc_place_recognition.recognition.frame_filter import FrameFilter, nanoseconds
 from hdc_place_recognition.results import Status
 
 MS = 1_000_000
@@ -72,6 +72,34 @@ def test_asking_for_the_skip_reason_changes_nothing():
         assert asked.skip_reason(stamp, 200 * MS) is accepting.accept(stamp, 200 * MS)
         asked.accept(stamp, 200 * MS)
         assert asked.clock_ns == accepting.clock_ns
+
+
+def test_a_stamp_a_second_back_means_that_the_clock_was_set_back():
+    frames = FrameFilter()
+    frames.accept(START, 200 * MS)
+    assert frames.skip_reason(START - 1000 * MS + 1, 200 * MS) is Status.STAMP_OUT_OF_ORDER
+    assert frames.skip_reason(START - 1000 * MS, 200 * MS) is None
+
+
+def test_the_next_nanosecond_is_enough_without_interval():
+    frames = FrameFilter(clock_ns=7)
+    assert [frames.accept(stamp, 0) for stamp in (START, START + 1)] == [None, None]
+    assert frames.clock_ns == 8
+    assert frames.skip_reason(START, 0) is Status.STAMP_OUT_OF_ORDER
+
+
+def test_only_the_rest_beyond_two_seconds_is_taken_back():
+    frames, clocks = FrameFilter(), []
+    for stamp in (0, 1500, 2500, 2600, 4000):
+        frames.accept(stamp * MS, 0)
+        frames.note_motion(stamp in (0, 4000))
+        clocks.append(frames.clock_ns // MS)
+    # Of the step to 2500 half a second is taken back, of that to 2600 all of it.
+    assert clocks == [0, 1500, 2000, 2000, 3400]
+
+
+def test_seconds_are_rounded_to_nanoseconds():
+    assert nanoseconds(0.2) == 200 * MS and nanoseconds(1.5e-9) == 2 and nanoseconds(0.0) == 0
 
 
 def sessions(stamps: list[int]) -> list[int]:

@@ -4,15 +4,21 @@
 
 from conftest import CellExtractor, texture
 import cv2
+from hdc_place_recognition.camera import Camera
+from hdc_place_recognition.database.base import Added
 from hdc_place_recognition.errors import PlaceRecognitionError
+from hdc_place_recognition.features.registry import create_extractor
+from hdc_place_recognition.hdc.words import KEYPOINTS
 from hdc_place_recognition.params.table import Params
 from hdc_place_recognition.recognition.factory import (
     assemble,
     create_recognizer,
+    library_threads,
     use_threads,
 )
 from hdc_place_recognition.recognition.recognizer import PlaceRecognizer
 from hdc_place_recognition.results import Detection, Frame, NOT_VERIFIED, Status
+from hdc_place_recognition.verification.static_content import StaticContent
 import numpy as np
 import pytest
 import threadpoolctl
@@ -206,7 +212,7 @@ def test_two_traverses_run_side_by_side():
             is not None
         )
     assert both.traverse('left').filter.clock_ns == alone.traverse().filter.clock_ns
-    assert both.database.neighbors(4) == (2, 6) and both.database.distance(4, 5) is None
+    assert both.database.near(4, 1) == (2, 6) and both.database.distance(4, 5) is None
 
 
 def test_a_stamp_of_a_camera_is_not_that_of_another():
@@ -294,6 +300,74 @@ def test_features_without_a_calibration_are_named_once(caplog):
     assert line.startswith('the score is not calibrated for the features "cells"')
 
 
+def test_another_traverse_of_a_camera_keeps_its_calibration_and_odometry():
+    recognizer, camera = new_recognizer(), Camera(np.eye(3), np.zeros(5), False, 0.75)
+    before = recognizer.traverse('left')
+    before.camera, before.odometry = camera, lambda stamp_ns: None
+    after = recognizer.start_traverse('left')
+    assert after is not before and (before.number, after.number) == (0, 1)
+    assert after.camera is camera and after.odometry is before.odometry
+    right = recognizer.start_traverse('right')
+    assert right.number == 2 and right.camera is None
+
+
+@pytest.mark.parametrize('image', [texture(0), np.zeros((48, 64), np.uint8)])
+def test_what_is_not_new_or_has_no_features_is_not_stored(image):
+    recognizer = new_recognizer()
+    assert recognizer.store(recognizer.observe(Frame(0, texture(0)))) == Added(0)
+    assert recognizer.store(recognizer.observe(Frame(S, image))) == Added()
+    assert len(recognizer.database) == 1
+
+
+@pytest.mark.parametrize('verify', [False, True])
+def test_a_recognizer_tells_whether_it_verifies(verify):
+    recognizer = create_recognizer(BASE.replace(extractor='gradient_grid', verify=verify))
+    assert recognizer.verifies is verify
+    found = recognizer._encoder.encode(texture(0))
+    assert (found.keypoints is not None) is verify
+
+
+@pytest.mark.parametrize(
+    ('threads', 'verify', 'expected'),
+    [(1, True, 1), (2, True, 1), (4, True, 2), (5, True, 2), (4, False, 4), (1, False, 1)],
+)
+def test_half_of_the_threads_find_keypoints(threads, verify, expected):
+    assert library_threads(BASE.replace(threads=threads, verify=verify)) == expected
+
+
+def test_an_image_is_encoded_without_shift():
+    shifted = new_recognizer(displacements_x=5, displacements_y=3).encode(texture(0))
+    alone = new_recognizer(displacements_x=1, displacements_y=1).encode(texture(0))
+    assert np.allclose(shifted, alone, atol=1e-6)
+
+
+def test_static_content_is_counted_of_what_is_stored(monkeypatch):
+    """Not of what was observed last: some evaluations observe all images before they store one."""
+    keypoints = create_extractor('rootsift', image_width=320, max_features=300)
+    recognizer, counted = assemble(BASE, CellExtractor(), keypoints), []
+    monkeypatch.setattr(StaticContent, 'count', lambda content, codes: counted.append(codes))
+    images = [cv2.resize(texture(place), (320, 240)) for place in range(3)]
+    observed = [recognizer.observe(Frame(n * S, image)) for n, image in enumerate(images)]
+    for observation in observed:
+        recognizer.store(observation)
+    assert len(counted) == 3
+    for codes, observation in zip(counted, observed, strict=True):
+        found = observation.query.keypoints
+        symbols = recognizer._encoder.hasher.symbols(found.descriptors[:KEYPOINTS])
+        expected = StaticContent().codes(symbols, found.points[:KEYPOINTS])
+        assert np.array_equal(codes, expected)
+
+
+def test_what_features_without_a_grid_go_without_is_said_once(caplog):
+    caplog.set_level('INFO', 'hdc_place_recognition.recognition.image_encoder')
+    recognizer = create_recognizer(BASE.replace(extractor='rootsift', verify=False))
+    caplog.clear()
+    for place in range(3):
+        assert recognizer._encoder.encode(texture(place)).grid is None
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert 'are no grid' in line and line.startswith('the features "rootsift')
+
+
 def test_a_clock_set_back_begins_a_session_that_closures_name():
     recognizer = new_recognizer()
     for lap in range(2):
@@ -313,7 +387,7 @@ def test_sessions_keep_camera_and_odometry_and_share_nothing_else():
     recognizer.process(Frame(0, texture(3)))
     second = recognizer.traverse()
     assert second is not first and second.odometry is first.odometry
-    assert recognizer.database.neighbors(2) == ()
+    assert recognizer.database.near(2, 1) == ()
 
 
 def test_cameras_of_a_robot_have_the_same_sessions():

@@ -13,7 +13,6 @@ from hdc_place_recognition.features.compact import quantize
 from hdc_place_recognition.features.registry import create_extractor
 from hdc_place_recognition.verification.geometry import verify_geometry
 from hdc_place_recognition.verification.rotation import relative_rotation
-from hdc_place_recognition.verification.settings import VerificationSettings
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -133,7 +132,7 @@ def test_turns_of_a_hand_held_camera_are_those_of_motion_capture(shared_data):
     pairs = np.argwhere(np.load(folder / 'gt.npz')['hard'])
     for query, earlier in pairs[:: len(pairs) // 20].tolist():
         both = [quantize(extractor.extract(cv2.imread(str(files[i])))) for i in (query, earlier)]
-        found = relative_rotation(hand_held, verify_geometry(*both, VerificationSettings()).pairs)
+        found = relative_rotation(hand_held, verify_geometry(*both).pairs)
         if found is not None:
             true = matrix(poses[earlier, 5:]).T @ matrix(poses[query, 5:])
             cosine = (np.trace(true.T @ matrix(found)) - 1) / 2

@@ -89,8 +89,10 @@ def test_another_place_is_held_against_the_best(there_and_back):
     for candidate in others:
         assert candidate.accepted == (candidate.score >= BASE.min_score)
         assert candidate.accepted == (candidate.reason is Reason.ACCEPTED)
-        if abs(candidate.match_id - best.match_id) > 1:
-            assert candidate.score <= 1 - best.score + 1e-9
+        if not candidate.accepted:
+            # At most half near the best, and what it leaves elsewhere.
+            near = abs(candidate.match_id - best.match_id) <= 5
+            assert candidate.score <= (0.5 if near else 1 - best.score + 1e-9)
 
 
 def test_shift_is_where_the_scene_lies_in_the_earlier_image(there_and_back):
@@ -119,6 +121,7 @@ def test_look_alikes_are_no_closures():
         Reason.NO_SUPPORT,
         Reason.AT_EDGE,
         Reason.UNLIKELY,
+        Reason.SAME_VISIT,
     }
 
 
@@ -183,5 +186,5 @@ def test_memory_of_a_keyframe():
         recognizer.database.get(found).keypoints.nbytes for found in recognizer.database.ids
     )
     room = database.nbytes - held
-    assert held <= 4 * (300 * 134 + 640)
+    assert held <= 4 * (300 * 70 + 640)
     assert held / 4 + room / 64 <= 60_000
