@@ -90,12 +90,12 @@ def test_the_next_nanosecond_is_enough_without_interval():
 
 def test_only_the_rest_beyond_two_seconds_is_taken_back():
     frames, clocks = FrameFilter(), []
-    for stamp in (0, 1500, 2500, 2600, 4000):
+    for stamp in (0, 900, 1800, 2700, 2800, 4200):
         frames.accept(stamp * MS, 0)
-        frames.note_motion(stamp in (0, 4000))
+        frames.note_motion(stamp in (0, 4200))
         clocks.append(frames.clock_ns // MS)
-    # Of the step to 2500 half a second is taken back, of that to 2600 all of it.
-    assert clocks == [0, 1500, 2000, 2000, 3400]
+    # Of the step to 2700, 0.7 s are taken back, of that to 2800 all of it.
+    assert clocks == [0, 900, 1800, 2000, 2000, 3400]
 
 
 def test_seconds_are_rounded_to_nanoseconds():

@@ -57,3 +57,23 @@ def test_stop_drops_what_waits_and_ends_the_thread():
     worker.stop(SOON_S)
     assert done == [0]
     assert not worker._thread.is_alive()
+
+
+def test_an_error_is_handed_over_and_the_thread_goes_on():
+    errors: list[Exception] = []
+    done: list[int] = []
+
+    def work(item: int) -> None:
+        done.append(10 // item)
+
+    def failed(error: Exception) -> None:
+        errors.append(error)
+        raise RuntimeError('cannot even be counted')
+
+    worker = LatestWorker(work, failed)
+    for item in (5, 0, 2):
+        worker.put(item)
+        assert worker.wait_idle(SOON_S)
+    worker.stop(SOON_S)
+    assert done == [2, 5]
+    assert [type(error) for error in errors] == [ZeroDivisionError]
