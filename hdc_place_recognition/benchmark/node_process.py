@@ -112,12 +112,13 @@ def _seen_again(keypoints: CompactKeypoints, rng: np.random.Generator) -> Compac
     descriptors = _noisy(keypoints.descriptors, _OTHER_LIGHT, rng)
     descriptors[lost] = descriptors[lost][:, rng.permutation(descriptors.shape[1])]
     positions = _noisy(keypoints.positions, _OTHER_PLACE, rng)
+    positions = np.clip(positions, 0, np.iinfo(np.uint16).max).astype(np.uint16)
     return replace(keypoints, positions=positions, packed=pack(descriptors))
 
 
 def _noisy(values: NDArray[Any], most: int, rng: np.random.Generator) -> NDArray[Any]:
     noise = rng.integers(-most, most + 1, values.shape, np.int32)
-    return np.clip(values + noise, 0, np.iinfo(values.dtype).max).astype(values.dtype)
+    return values + noise
 
 
 if __name__ == '__main__':
