@@ -22,12 +22,15 @@ from hdc_place_recognition.database.vector_store import VectorStore
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.features.compact import CompactKeypoints
 from hdc_place_recognition.hdc.shifts import Shifts
+from hdc_place_recognition.hdc.words import KEYPOINTS, TABLES, WORDS
 import numpy as np
 from numpy.typing import NDArray
 
 PARTS = 10
 _LEAST_POINTS, _MOST_POINTS = 100, 300
 _WARM = 2
+# Words of a query are not those of a keyframe: the vectors decide.
+_QUERY_SEEDS = 10**9
 
 
 @dataclass(frozen=True)
@@ -105,9 +108,10 @@ def fill(filling: FillTask) -> FillResult:
     taken_by: list[int] = []
     for number in range(filling.images):
         keypoints = _keypoints(number) if filling.landmarks else None
+        words = random_words(number) if filling.landmarks else None
         # The most similar keyframe before it, which a real robot knows from its search.
         twin = number - 1 if number else None
-        keyframe = Keyframe(number, number, world.row(number), keypoints, twin=twin)
+        keyframe = Keyframe(number, number, world.row(number), keypoints, words, twin=twin)
         start = perf_counter()
         database.add(keyframe)
         spent[number] = (perf_counter() - start) * 1e6
@@ -146,9 +150,9 @@ def _ask(database: MemoryDatabase, world: LargeWorld, queries: int) -> tuple[lis
     """Return what queries take, and which share of them is answered rightly."""
     spent, right = [], 0
     for number in range(queries + _WARM):
-        query = world.query(number)
+        query = Query(number, world.query(number), words=random_words(_QUERY_SEEDS + number))
         start = perf_counter()
-        best = database.search(Query(number, query), 1).matches[0]
+        best = database.search(query, 1).matches[0]
         spent.append((perf_counter() - start) * 1e3)
         right += number >= _WARM and world.shows(number, best.keyframe_id)
     return spent[_WARM:], right / max(queries, 1)
@@ -162,6 +166,12 @@ def _keypoints(number: int) -> CompactKeypoints:
     return CompactKeypoints(
         positions, ones[:, 0].copy(), ones[:, 1].copy(), ones[:, 2:].copy(), aspect=0.75
     )
+
+
+def random_words(seed: int) -> NDArray[np.int32]:
+    """Return as many words as an image has, which few other images share."""
+    words = np.random.default_rng(seed).integers(WORDS, size=KEYPOINTS * TABLES)
+    return np.unique(words).astype(np.int32)
 
 
 def _resident() -> int:

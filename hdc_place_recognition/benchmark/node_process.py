@@ -11,6 +11,7 @@ import subprocess
 import sys
 from typing import Any
 
+from hdc_place_recognition.benchmark.filling import random_words
 from hdc_place_recognition.benchmark.images import street
 from hdc_place_recognition.benchmark.vectors import World
 from hdc_place_recognition.database.base import Keyframe
@@ -87,8 +88,9 @@ def fill(recognizer: PlaceRecognizer, task: LoadTask) -> None:
     """
     Fill a database with keyframes; for each published image it contains matches.
 
-    The keypoints are those of the published images, with noise. Matching therefore takes as long
-    as on a robot, and the geometry of true matches is computed too.
+    The keypoints and dense cells are those of the published images, the keypoints with noise.
+    Matching therefore takes as long as on a robot, and the geometry of true matches is computed
+    too.
     """
     images = street(task.images, task.width, task.height)
     views = [recognizer.observe(Frame(0, image)).query for image in images]
@@ -97,11 +99,12 @@ def fill(recognizer: PlaceRecognizer, task: LoadTask) -> None:
         visit, elsewhere = divmod(number, _DRIVE_EVERY)
         view = views[visit % len(views)]
         row = world.row(number)
+        words = random_words(number) if elsewhere else view.words
         if not elsewhere:
             noise = _VIEW_NOISE * normalize(rng.standard_normal(row.shape, np.float32))
             row = normalize(view.unshifted + noise)
         keypoints = _seen_again(view.keypoints, rng) if view.keypoints else None
-        keyframe = Keyframe(number, number - _LONG_AGO_NS, row, keypoints)
+        keyframe = Keyframe(number, number - _LONG_AGO_NS, row, keypoints, words, view.cells)
         recognizer.database.add(keyframe)
     recognizer.start_traverse()
 

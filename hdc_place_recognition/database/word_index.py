@@ -71,13 +71,15 @@ class WordIndex:
         Return the inverse document frequency of words, 0 to 1: 1 for a word of one keyframe.
 
         :param words: (m,).
-        :return: (m,) log((2 N + 2) / (2 max(f, 1) + 1)) / log((2 N + 2) / 3), f of N keyframes.
+        :return: (m,) log((2 N + 2) / (2 max(f, 1) + 1)) / log((2 N + 2) / 3), f of N keyframes; 0
+            for a word whose list is given up.
         """
         if not len(self):
             return np.ones(len(words))
         twice = 2.0 * len(self) + 2
         rare = np.log(twice / (2 * np.maximum(self._frequency[words], 1) + 1))
-        return np.asarray(rare.clip(0) / np.log(twice / 3))
+        listed = self._capacity[words] != _GIVEN_UP
+        return np.asarray(listed * rare.clip(0) / np.log(twice / 3))
 
     def add(self, words: NDArray[np.int32]) -> int:
         """

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hdc_place_recognition.camera import Camera
-from hdc_place_recognition.conversions.image import image_from_message
+from hdc_place_recognition.conversions.image import ImageConverter
 from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.params.formats import NODE_NAME
 from hdc_place_recognition.params.table import Params
@@ -77,6 +77,7 @@ class PlaceRecognitionNode(Node):
         self.recognizer.traverse().odometry = self._positions.pose_before
         self.statistics = Statistics()
         self._stamps = HeaderStamps(self.get_logger().warning)
+        self._converter = ImageConverter(params.max_image_pixels)
         # Value of _Arrived.odometry_count of the last processed image.
         self._last_odometry_count = 0
         self._candidates = self.create_publisher(PointCloud2, '~/candidates', 10)
@@ -157,7 +158,7 @@ class PlaceRecognitionNode(Node):
         skipped = self.recognizer.skip_reason(stamp, params=params)
         if skipped is not None:
             return Detection(stamp, skipped)
-        image = image_from_message(arrived.message)
+        image = self._converter.convert(arrived.message)
         if self.recognizer.begins_session(stamp):
             self._begin_session(stamp, arrived.odometry_count)
         self._last_odometry_count = arrived.odometry_count

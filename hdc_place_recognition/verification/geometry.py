@@ -219,18 +219,20 @@ def _epipolar_inliers(pairs: NDArray[np.float32], voting: Mask) -> Mask:
     none = np.zeros(len(pairs), np.bool_)
     if len(pairs) < _LEAST_FOR_EPIPOLES or np.count_nonzero(voting) < _LEAST_VOTES:
         return none
-    try:
-        _, mask = cv2.findFundamentalMat(
-            pairs[:, 0] * KEYPOINT_WIDTH,
-            pairs[:, 1] * KEYPOINT_WIDTH,
-            cv2.USAC_MAGSAC,
-            _EPIPOLAR_PIXELS,
-            _CONFIDENCE,
-            _ITERATIONS,
-        )
-    except cv2.error:  # raised for degenerate points by some versions
-        return none
-    return none if mask is None else np.asarray(mask).ravel().astype(np.bool_)
+    for method in (cv2.USAC_MAGSAC, cv2.FM_RANSAC):
+        try:
+            _, mask = cv2.findFundamentalMat(
+                pairs[:, 0] * KEYPOINT_WIDTH,
+                pairs[:, 1] * KEYPOINT_WIDTH,
+                method,
+                _EPIPOLAR_PIXELS,
+                _CONFIDENCE,
+                _ITERATIONS,
+            )
+        except cv2.error:  # raised by MAGSAC, for instance if the image has only shifted
+            continue
+        return none if mask is None else np.asarray(mask).ravel().astype(np.bool_)
+    return none
 
 
 def _spread(positions: NDArray[np.uint16]) -> int:

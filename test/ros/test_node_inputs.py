@@ -208,6 +208,12 @@ def test_no_usable_image_is_a_warning(bench):
     assert status(bench).level == DiagnosticStatus.OK
 
 
+def test_images_beyond_max_image_pixels_are_refused(benches):
+    bench = benches('-p', 'max_image_pixels:=100')
+    bench.show(0, texture(0))
+    assert 'more than max_image_pixels = 100' in bench.node.statistics.last_error
+
+
 def test_equal_stamps_are_a_warning(bench):
     bench.show(1, texture(0))
     bench.node._recent._before.clear()
