@@ -155,5 +155,5 @@ def test_what_is_no_path(scenes, places, changes):
 
 
 def test_long_ago_is_another_visit(scenes):
-    found = second_session(scenes, range(2, 14), restart=False, appearance_gap_s=60.0)
+    found = second_session(scenes, range(2, 14), restart=False, appearance_gap_s=10.0)
     assert found[-1] and found[-1][0] == 13
