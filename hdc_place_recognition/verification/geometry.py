@@ -216,23 +216,32 @@ def _similarity_votes(
 
 def _epipolar_inliers(pairs: NDArray[np.float32], voting: Mask) -> Mask:
     """Return which matched points agree with one fundamental matrix; none without one."""
-    none = np.zeros(len(pairs), np.bool_)
     if len(pairs) < _LEAST_FOR_EPIPOLES or np.count_nonzero(voting) < _LEAST_VOTES:
-        return none
-    for method in (cv2.USAC_MAGSAC, cv2.FM_RANSAC):
-        try:
-            _, mask = cv2.findFundamentalMat(
-                pairs[:, 0] * KEYPOINT_WIDTH,
-                pairs[:, 1] * KEYPOINT_WIDTH,
-                method,
-                _EPIPOLAR_PIXELS,
-                _CONFIDENCE,
-                _ITERATIONS,
-            )
-        except cv2.error:  # raised by MAGSAC, for instance if the image has only shifted
-            continue
-        return none if mask is None else np.asarray(mask).ravel().astype(np.bool_)
-    return none
+        return np.zeros(len(pairs), np.bool_)
+    found = _fundamental_inliers(pairs, cv2.USAC_MAGSAC)
+    return found if found.any() else _fundamental_inliers(pairs, cv2.FM_RANSAC)
+
+
+def _fundamental_inliers(pairs: NDArray[np.float32], method: int) -> Mask:
+    """
+    Return the inliers of a fundamental matrix; none if OpenCV finds no matrix.
+
+    MAGSAC finds none, or raises an error, if the image has only shifted; RANSAC does.
+    """
+    try:
+        _, mask = cv2.findFundamentalMat(
+            pairs[:, 0] * KEYPOINT_WIDTH,
+            pairs[:, 1] * KEYPOINT_WIDTH,
+            method,
+            _EPIPOLAR_PIXELS,
+            _CONFIDENCE,
+            _ITERATIONS,
+        )
+    except cv2.error:
+        mask = None
+    if mask is None:
+        return np.zeros(len(pairs), np.bool_)
+    return np.asarray(mask).ravel().astype(np.bool_)
 
 
 def _spread(positions: NDArray[np.uint16]) -> int:
