@@ -13,7 +13,6 @@ import pytest
 rclpy = pytest.importorskip('rclpy', reason='needs ROS')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
-from hdc_place_recognition.ros import node as node_module  # noqa: E402
 from hdc_place_recognition.ros.messages import read_candidates  # noqa: E402
 from hdc_place_recognition.ros.parameters import unknown_overrides  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
@@ -119,11 +118,10 @@ def test_bad_images_are_counted_and_the_node_goes_on(bench):
 
 def test_what_is_skipped_is_not_decoded(bench, monkeypatch):
     decoded = []
-    convert = node_module.image_from_message
+    converter = bench.node._converter
+    convert = converter.convert
     monkeypatch.setattr(
-        node_module,
-        'image_from_message',
-        lambda message: decoded.append(message) or convert(message),
+        converter, 'convert', lambda message: decoded.append(message) or convert(message)
     )
     for second in (0, 0.1, 0.15, 0.2):
         bench.show(second, None)
@@ -135,7 +133,7 @@ def test_an_unexpected_error_does_not_end_the_node(bench, monkeypatch):
         raise ZeroDivisionError('of all things')
 
     with monkeypatch.context() as patch:
-        patch.setattr(node_module, 'image_from_message', fail)
+        patch.setattr(bench.node._converter, 'convert', fail)
         bench.show(0, None)
     bench.show(1, None)
     values = bench.node._values()
