@@ -58,7 +58,8 @@ def run_calibrate(arguments: argparse.Namespace) -> str:
     """
     Return lines for verification/calibration.json, and reliability tables.
 
-    :raises PlaceRecognitionError: a folder has no ground truth.
+    :raises PlaceRecognitionError: a folder has no ground truth, or all candidates are true or all
+        false.
     """
     lines = []
     for name, verify in (('verified', True), ('unverified', False)):
@@ -117,9 +118,15 @@ def fit(sets: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]]) -> Calibr
     The weight of a dataset is the square root of its size, so that large datasets do not dominate.
 
     :param sets: per dataset the evidence (n,) and the labels (n,) bool, True for a true closure.
+    :raises PlaceRecognitionError: the labels are all the same, which leaves the slope open.
     """
     evidence = np.concatenate([values for values, _ in sets])
     true = np.concatenate([truth for _, truth in sets])
+    if true.all() or not true.any():
+        raise PlaceRecognitionError(
+            f'the {len(true)} best candidates are not of both kinds, true and false: the score '
+            'cannot be calibrated; give more folders'
+        )
     sizes = [len(values) for values, _ in sets]
     weight = np.repeat([max(size, 1) ** -0.5 for size in sizes], sizes)
     weight /= weight.mean()

@@ -350,15 +350,20 @@ def _pooled(results: Sequence[RunResult], folder: str) -> LabeledScores:
 
 
 def _folds(folder: str, plain: Mapping[str, RunResult], variants: LabeledScores) -> Iterator[Row]:
-    """Yield the rows of a set, and of its variants, calibrated on the other plain sets."""
+    """
+    Yield the rows of a set, and of its variants, calibrated on the other plain sets.
+
+    There are none if the best candidates of the other sets are all true or all false.
+    """
     evidence = [
         labeled_evidence(result.labeled, result.shipped)
         for name, result in plain.items()
         if name != folder
     ]
-    if not any(len(values) for values, _ in evidence):
+    try:
+        fitted, shipped = fit(evidence), plain[folder].shipped
+    except PlaceRecognitionError:
         return
-    fitted, shipped = fit(evidence), plain[folder].shipped
     calibration = (f'{fitted.slope:.2f}', f'{fitted.center:.2f}')
     for name, labeled in ((folder, plain[folder].labeled), (f'{folder}, variants', variants)):
         if len(labeled.scores):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fitting the score to what was true."""
 
+from hdc_place_recognition.errors import PlaceRecognitionError
 from hdc_place_recognition.experiments.calibration import fit, LabeledScores, reliability
 import numpy as np
 import pytest
@@ -24,3 +25,9 @@ def test_fit_of_separable_data_is_finite():
 def test_reliability_counts_all_candidates():
     lines = reliability(LabeledScores(np.array([0.01, 0.97, 1.0]), np.array([False, True, True])))
     assert [line.split()[-1] for line in lines[1:]] == ['1', '2']
+
+
+@pytest.mark.parametrize('truth', [True, False])
+def test_candidates_of_one_kind_are_no_calibration(truth):
+    with pytest.raises(PlaceRecognitionError, match='3 best candidates are not of both kinds'):
+        fit([(np.array([1.0, 2.0, 3.0]), np.full(3, truth))])
