@@ -20,9 +20,10 @@ from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 from numpy.typing import NDArray
 
-# For so few probes BLAS is faster one at a time, over vectors that stay in the cache.
-_FEW_PROBES, _CACHED_VECTORS = 3, 32
-# Enough vectors to outweigh the cost of a call.
+# For so few probes BLAS is faster one at a time.
+_FEW_PROBES = 3
+# Enough vectors to outweigh the cost of a call, and few enough to stay in the cache for the next
+# probe.
 _CHUNK_SLOTS = 256
 # Number of vectors read before the pages of a file are dropped from memory.
 _READS_BEFORE_DROP = 128
@@ -157,13 +158,7 @@ def _products(vectors: NDArray[Any], probes: Hypervector) -> NDArray[np.float32]
     vectors = vectors.astype(np.float32, copy=False)
     if len(probes) > _FEW_PROBES:
         return vectors @ probes.T
-    products = np.empty((len(vectors), len(probes)), np.float32)
-    rows = _CACHED_VECTORS if len(probes) > 1 else len(vectors)
-    for start in range(0, len(vectors), rows):
-        block = slice(start, start + rows)
-        for index, probe in enumerate(probes):
-            products[block, index] = vectors[block] @ probe
-    return products
+    return np.stack([vectors @ probe for probe in probes], axis=1)
 
 
 class SlotOrder:
