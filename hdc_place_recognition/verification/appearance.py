@@ -86,18 +86,25 @@ def follow_path(
     :param other_visits: ids of the keyframes of other traverses, rising.
     :param state: of the traverse.
     """
-    eligible = set(other_visits.tolist())
-    begin = [found for found in proposals if found in eligible]
+    begin = _among(proposals, other_visits)
     ids = {*begin, *state.path.expected(other_visits)}
     for _ in range(_CLIMBS if ids else 0):
         best = max(sorted(ids), key=comparison.of)
-        ids |= {*comparison.database.near(best, 1)} & eligible
+        ids.update(_among(comparison.database.near(best, 1), other_visits))
     if not ids:
         return None
     evidence = {found: state.background.z(comparison.of(found)) for found in sorted(ids)}
     best = max(evidence, key=lambda found: evidence[found])
     _learn_background(comparison, other_visits, best, state)
     return state.path.push(other_visits, evidence, begin, comparison.query.novelty)
+
+
+def _among(ids: Sequence[int], rising: NDArray[np.int64]) -> list[int]:
+    """Return those of a few ids that are among many rising ones."""
+    ends = np.searchsorted(rising, np.array(ids, np.int64), 'right').tolist()
+    return [
+        found for found, end in zip(ids, ends, strict=True) if end and rising[end - 1] == found
+    ]
 
 
 def learn_own_background(

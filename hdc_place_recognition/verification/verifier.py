@@ -45,8 +45,9 @@ _SAME_PLACE = 5
 _HALF = 0.5
 # Keyframes that may be accepted beside that of a path.
 _NEXT_TO_PATH = 2
-# Keyframes before a new one that the background of dense cells is learned from.
-_RECENT = 200
+# The background of dense cells is learned from so many keyframes before a new one, without the
+# newest, which may show its place.
+_BEFORE_IT, _MAY_SHOW_IT = 200, 10
 
 
 @dataclass(frozen=True)
@@ -152,9 +153,9 @@ class CandidateVerifier:
         """
         if place_id is not None:
             self.links.accept(keyframe_id, place_id)
-        near = self._database.near(keyframe_id, _RECENT)
+        near = self._database.near(keyframe_id, _BEFORE_IT)
         own = np.array([found for found in near if found < keyframe_id], np.int64)
-        learn_own_background(CellComparison(query, self._database), own[:-10], state)
+        learn_own_background(CellComparison(query, self._database), own[:-_MAY_SHOW_IT], state)
 
     def _without_geometry(self, result: SearchResult) -> list[Hypothesis]:
         """Return the matches by similarity alone; only the best one can be the place."""
@@ -163,8 +164,8 @@ class CandidateVerifier:
             Hypothesis(match, None, self._scorer.unverified_evidence(match, count))
             for match in result.matches
         ]
-        most = self._scorer.unverified.score(found[0].evidence.total)
         scores = [self._scorer.unverified.score(hypothesis.evidence.total) for hypothesis in found]
+        most = scores[0]
         ranked = [replace(found[0], score=most, reason=found[0].evidence.reason)]
         for hypothesis, score in zip(found[1:], scores[1:], strict=True):
             limited = min(score, 1 - most)
