@@ -20,6 +20,11 @@ from hdc_place_recognition.hdc.algebra import Hypervector
 import numpy as np
 from numpy.typing import NDArray
 
+# Keyframes that are this near to each other in their traverse show the same place.
+PLACE_RADIUS = 3
+# Keyframes further apart than this may be of another place.
+ELSEWHERE = 10
+
 
 @dataclass(frozen=True)
 class Query:

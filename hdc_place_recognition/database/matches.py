@@ -7,16 +7,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from hdc_place_recognition.database.base import Match
+from hdc_place_recognition.database.base import ELSEWHERE, Match, PLACE_RADIUS
 from hdc_place_recognition.database.entries import Entries
 from hdc_place_recognition.database.search import Similarities
 import numpy as np
 from numpy.typing import NDArray
 
-# Keyframes that are this near to each other in their traverse show the same place.
-PLACE_RADIUS = 3
-# Keyframes further apart than this may be of another place.
-ELSEWHERE = 10
 # The view has been left where a keyframe is less distinct than this share of the match.
 _SAME_VISIT_SHARE = 0.5
 # The oldest keyframes matter only if these are many.

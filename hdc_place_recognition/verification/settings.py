@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hdc_place_recognition.database.base import ELSEWHERE
 import numpy as np
 
 _CERTAIN = 1e-12
@@ -73,7 +74,7 @@ class VerificationSettings:
     support_images: int = 3
     support_reach: int = 2
     support_weight: float = 0.8
-    elsewhere: int = 10
+    elsewhere: int = ELSEWHERE
     certain_inliers: float = 40.0
     nearly_as_strong: float = 0.7
     same_view: float = 0.9

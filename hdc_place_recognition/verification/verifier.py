@@ -8,7 +8,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from hdc_place_recognition.camera import Camera, Quaternion
-from hdc_place_recognition.database.base import KeyframeDatabase, Match, Query, SearchResult
+from hdc_place_recognition.database.base import (
+    KeyframeDatabase,
+    Match,
+    PLACE_RADIUS,
+    Query,
+    SearchResult,
+)
 from hdc_place_recognition.features.compact import KEYPOINT_WIDTH, quantize
 from hdc_place_recognition.features.local_features import LocalFeatures
 from hdc_place_recognition.params.table import Params
@@ -33,7 +39,6 @@ from numpy.typing import NDArray
 PROPOSED = 8
 # Of verify_top_k matches, so many are the best by words alone, and one is the most distinct.
 _BY_WORDS = 3
-_PLACE_RADIUS = 3
 # The last image's place supports a look at the keyframes next to it from this certainty on.
 _NEXT_FROM = 0.3
 # Keyframes before and after it, where the camera may be now.
@@ -225,7 +230,7 @@ class CandidateVerifier:
             found
             for found in candidates
             if all(
-                (apart := distances(found, known)) is None or apart > _PLACE_RADIUS
+                (apart := distances(found, known)) is None or apart > PLACE_RADIUS
                 for known in taken
             )
         ]
